@@ -1,0 +1,10 @@
+//! Files in, model out.
+
+pub mod calibration;
+pub mod case;
+pub mod dds;
+pub mod error;
+pub mod gltf;
+pub mod pictures;
+pub mod scene;
+pub mod shapes;

@@ -1,0 +1,3 @@
+//! `halflightd`, the daemon.
+
+fn main() {}

@@ -1,0 +1,65 @@
+//! The tool for people: one file for each verb of `halflight`.
+
+pub mod check;
+pub mod common;
+pub mod devices;
+pub mod hdr;
+pub mod light;
+pub mod record;
+pub mod render;
+pub mod replay;
+pub mod synth;
+pub mod tags;
+
+pub use common::{CliError, Common};
+
+/// `halflight`: measures the light of a real place and draws virtual objects into the camera picture.
+#[derive(clap::Parser, Debug)]
+#[command(name = "halflight", version, about, long_about = None, max_term_width = 110)]
+pub struct Arguments {
+    /// Options of every verb.
+    #[command(flatten)]
+    pub common: Common,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// What the tool can do.
+#[derive(clap::Subcommand, Debug)]
+pub enum Verb {
+    /// Run a recording through the daemon's own pipeline; leaves pictures, a film and a report.
+    Replay(replay::Arguments),
+    /// Draw one still of a scene file or of a reference case.
+    Render(render::Arguments),
+    /// Measure the light in a picture of a mirror ball or in an environment picture.
+    Light(light::Arguments),
+    /// Merge exposures into one HDR picture.
+    Hdr(hdr::Arguments),
+    /// Find AprilTags and their poses.
+    Tags(tags::Arguments),
+    /// Record a device to an MCAP file.
+    Record(record::Arguments),
+    /// Make a recording of the synthetic room, with its truth.
+    Synth(synth::Arguments),
+    /// Check a configuration file; prints all mistakes at once.
+    Check(check::Arguments),
+    /// List the devices and engines at hand.
+    Devices(devices::Arguments),
+}
+
+/// Runs one verb.
+pub fn run(arguments: Arguments) -> Result<(), CliError> {
+    let common = &arguments.common;
+    match arguments.verb {
+        Verb::Replay(a) => replay::run(a, common),
+        Verb::Render(a) => render::run(a, common),
+        Verb::Light(a) => light::run(a, common),
+        Verb::Hdr(a) => hdr::run(a, common),
+        Verb::Tags(a) => tags::run(a, common),
+        Verb::Record(a) => record::run(a, common),
+        Verb::Synth(a) => synth::run(a, common),
+        Verb::Check(a) => check::run(a, common),
+        Verb::Devices(a) => devices::run(a, common),
+    }
+}

@@ -1,0 +1,45 @@
+//! One error for every device. The pipeline decides by `kind`, never by text.
+
+use std::error::Error;
+
+/// What to do about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// Nothing came in time; ask again.
+    Again,
+    /// The device went away or lost its state; open it anew.
+    Reopen,
+    /// There is no more.
+    Ended,
+    /// The request itself cannot be met.
+    Refused,
+}
+
+/// Which device failed, at what, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+#[error("{device}: {action}{}", source.as_ref().map(|s| format!(": {s}")).unwrap_or_default())]
+pub struct DeviceError {
+    /// As the user named it, e.g. `replay:desk.mcap`.
+    pub device: String,
+    /// What was tried, and with which value.
+    pub action: String,
+    /// What to do about it.
+    pub kind: ErrorKind,
+    /// The cause below, if any.
+    #[source]
+    pub source: Option<Box<dyn Error + Send + Sync>>,
+}
+
+impl DeviceError {
+    /// Builds an error without a deeper cause.
+    pub fn new(device: impl Into<String>, action: impl Into<String>, kind: ErrorKind) -> Self {
+        Self { device: device.into(), action: action.into(), kind, source: None }
+    }
+
+    /// Adds the cause.
+    #[must_use]
+    pub fn because(mut self, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        self.source = Some(source.into());
+        self
+    }
+}

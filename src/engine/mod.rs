@@ -1,0 +1,124 @@
+//! Layer 3, the door to computing: the CPU twins in order, or wgpu. Coarse on purpose: no GPU handle crosses it.
+
+pub mod cpu;
+pub mod gpu;
+
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    estimate::LightFlags,
+    frame::Exposure,
+    image::{HdrImage, Rgb8Image},
+    light::{DirectionalLight, EnvironmentMap, RadianceSh, SplitLight},
+    picture::Picture,
+    quality::Quality,
+    response::Response,
+    rig::MirrorBall,
+    scene::Scene,
+};
+use crate::plan::{FramePlan, PassTiming};
+
+/// What went wrong in an engine.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// No adapter can do the work; says what was found and what is needed.
+    #[error("no usable GPU adapter: {0}")]
+    NoAdapter(String),
+    /// The device was lost or refused; says in which pass.
+    #[error("GPU failed in {pass}: {reason}")]
+    Gpu {
+        /// The pass.
+        pass: &'static str,
+        /// What the driver said.
+        reason: String,
+    },
+    /// The input does not fit together (sizes, counts).
+    #[error("{0}")]
+    Input(String),
+}
+
+/// One bracket: the same view at several exposures, all of one size.
+#[derive(Clone, Copy)]
+pub struct Bracket<'a> {
+    /// 1 to 9 pictures.
+    pub pictures: &'a [&'a Rgb8Image],
+    /// One for each picture.
+    pub exposures: &'a [Exposure],
+}
+
+/// Where the light is to be read from.
+pub enum LightJob<'a> {
+    /// A mirror ball in an HDR picture.
+    Ball {
+        /// Linear picture.
+        picture: &'a HdrImage,
+        /// Its lens.
+        lens: &'a Lens,
+        /// Its pose.
+        world_from_camera: &'a Pose,
+        /// The ball.
+        ball: &'a MirrorBall,
+        /// Whether the ball stands on the surface z = 0: directions below the horizon then show the unshadowed surface.
+        on_surface: bool,
+    },
+    /// An environment picture whose axes are the world's.
+    Map(&'a EnvironmentMap),
+}
+
+/// Light as an engine measured it: not filtered, not split.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredLight {
+    /// World frame, order `quality.sh_order`.
+    pub total: RadianceSh,
+    /// What was missing.
+    pub flags: LightFlags,
+}
+
+/// All that one frame is drawn from.
+pub struct RelightInput<'a> {
+    /// The camera's picture, linear.
+    pub background: &'a HdrImage,
+    /// Its lens.
+    pub lens: &'a Lens,
+    /// Its pose.
+    pub world_from_camera: &'a Pose,
+    /// The light.
+    pub light: &'a SplitLight,
+    /// Response for the way back to 8 bits.
+    pub response: &'a Response,
+    /// Exposure of the shown picture (radiance times `effective_s` goes through the response).
+    pub shown_exposure: Exposure,
+    /// Time of the frame.
+    pub t: crate::model::time::Timestamp,
+}
+
+/// The CPU twins in order, or the GPU.
+pub trait Engine: Send {
+    /// One line for people: engine, backend, adapter.
+    fn description(&self) -> String;
+    /// Takes the scene; the next frames are drawn with it.
+    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError>;
+    /// Merges one bracket to linear radiance (twin: `hdr::merge_bracket`).
+    fn merge_bracket(
+        &mut self,
+        bracket: &Bracket<'_>,
+        response: &Response,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError>;
+    /// Reads the light (twins: `light::unwrap_ball`, `light::project_sh`).
+    fn estimate_light(&mut self, job: &LightJob<'_>, quality: &Quality)
+    -> Result<MeasuredLight, EngineError>;
+    /// Draws one frame: allocates and dispatches exactly the plan's passes.
+    fn relight(
+        &mut self,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<(), EngineError>;
+    /// Time of each pass since the last call of `take_timings`, in order.
+    fn take_timings(&mut self, out: &mut Vec<PassTiming>);
+}
+
+/// Convenience for engines: the directional light, if it shines above the horizon of nothing in particular.
+pub fn directional(light: &SplitLight) -> Option<&DirectionalLight> {
+    light.direct.as_ref().filter(|d| d.irradiance_rgb.iter().any(|&e| e > 0.0))
+}

@@ -1,0 +1,7 @@
+//! From a linear picture to light: unwrap, project, split, follow.
+
+pub mod follow;
+pub mod maps;
+pub mod project_sh;
+pub mod split;
+pub mod unwrap_ball;

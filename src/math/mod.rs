@@ -1,0 +1,9 @@
+//! Layer 0: total functions of numbers. No input or output, no clock, no `unsafe`.
+
+pub mod bvh;
+pub mod color;
+pub mod lens;
+pub mod pose;
+pub mod sh;
+pub mod solve;
+pub mod sphere;

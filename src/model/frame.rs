@@ -1,0 +1,33 @@
+//! What a camera delivers.
+
+use super::{image::Rgb8Image, time::Timestamp};
+use std::sync::Arc;
+
+/// What the sensor truly applied to one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Exposure time in seconds.
+    pub time_s: f64,
+    /// Analogue times digital gain, 1 = none.
+    pub gain: f64,
+}
+
+impl Exposure {
+    /// Time times gain: what scales the picture, in seconds at unit gain.
+    pub fn effective_s(self) -> f64 {
+        self.time_s * self.gain
+    }
+}
+
+/// One camera frame, as captured.
+#[derive(Clone, Debug)]
+pub struct RawFrame {
+    /// Counts every frame that the camera made; a gap means frames were lost.
+    pub sequence: u64,
+    /// Middle of the exposure on the monotonic clock.
+    pub t_mid: Timestamp,
+    /// As truly applied.
+    pub exposure: Exposure,
+    /// 8-bit RGB through the camera's response.
+    pub pixels: Arc<Rgb8Image>,
+}

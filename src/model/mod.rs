@@ -1,0 +1,13 @@
+//! Layer 1: plain data. No behaviour beyond keeping its own invariants, no serialisation.
+
+pub mod estimate;
+pub mod frame;
+pub mod image;
+pub mod imu;
+pub mod light;
+pub mod picture;
+pub mod quality;
+pub mod response;
+pub mod rig;
+pub mod scene;
+pub mod time;

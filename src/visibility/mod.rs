@@ -1,0 +1,4 @@
+//! What blocks the light.
+
+pub mod openness;
+pub mod shadow_maps;
