@@ -1,1 +1,1 @@
-//! (placeholder)
+//! Joint pose from all known tags (in the making).
