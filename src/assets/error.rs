@@ -3,7 +3,7 @@
 use std::{
     error::Error,
     fmt::{self, Display, Formatter},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 /// A file could not be read or written, or says something that is not allowed.
@@ -14,13 +14,13 @@ use std::{
 #[derive(Debug)]
 pub struct AssetError {
     /// The file, as it was named to us.
-    pub file: PathBuf,
+    pub file: Box<Path>,
     /// The key, or what was tried: `camera.fx`, `header`, `decode PNG`.
-    pub what: String,
+    pub what: Box<str>,
     /// The value found, where there is one.
-    pub value: Option<String>,
+    pub value: Option<Box<str>>,
     /// What is allowed, so that it reads well after "must be".
-    pub allowed: Option<String>,
+    pub allowed: Option<Box<str>>,
     /// The error underneath.
     pub cause: Option<Box<dyn Error + Send + Sync>>,
     /// More mistakes of the same file.
@@ -29,9 +29,9 @@ pub struct AssetError {
 
 impl AssetError {
     /// An error about `what` in `file`; the builders below add to it.
-    pub fn new(file: &Path, what: impl Into<String>) -> Self {
+    pub fn new(file: &Path, what: impl Into<Box<str>>) -> Self {
         Self {
-            file: file.to_path_buf(),
+            file: file.into(),
             what: what.into(),
             value: None,
             allowed: None,
@@ -43,13 +43,13 @@ impl AssetError {
     /// Adds the value that was found.
     #[must_use]
     pub fn value(mut self, value: impl Display) -> Self {
-        self.value = Some(value.to_string());
+        self.value = Some(value.to_string().into());
         self
     }
 
     /// Adds what is allowed; it is printed after "must be".
     #[must_use]
-    pub fn allowed(mut self, allowed: impl Into<String>) -> Self {
+    pub fn allowed(mut self, allowed: impl Into<Box<str>>) -> Self {
         self.allowed = Some(allowed.into());
         self
     }
