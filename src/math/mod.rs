@@ -1,6 +1,7 @@
 //! Layer 0: total functions of numbers. No input or output, no clock, no `unsafe`.
 
 pub mod bvh;
+pub mod charts;
 pub mod color;
 pub mod lens;
 pub mod pose;
