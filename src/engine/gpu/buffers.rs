@@ -126,7 +126,8 @@ impl Readback {
             Ok(Err(error)) => return Err(failed(format!("mapping {}: {error}", self.label))),
             Err(_) => return Err(failed(format!("mapping {}: the device never answered", self.label))),
         }
-        let view = slice.get_mapped_range().map_err(|error| failed(format!("mapping {}: {error}", self.label)))?;
+        let view =
+            slice.get_mapped_range().map_err(|error| failed(format!("mapping {}: {error}", self.label)))?;
         let result = read(&view[..bytes]);
         drop(view);
         buffer.unmap();

@@ -71,7 +71,11 @@ pub struct GpuContext {
 pub fn adapters(backend: Backend) -> Vec<AdapterReport> {
     found(backend)
         .iter()
-        .map(|adapter| AdapterReport { backend, name: adapter_name(&adapter.get_info()), missing: missing(adapter) })
+        .map(|adapter| AdapterReport {
+            backend,
+            name: adapter_name(&adapter.get_info()),
+            missing: missing(adapter),
+        })
         .collect()
 }
 

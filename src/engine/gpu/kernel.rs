@@ -76,7 +76,9 @@ impl Kernel {
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {
         match (self.draws(), kind) {
             (false, _) => wgpu::ShaderStages::COMPUTE,
-            (true, BindingKind::Uniform | BindingKind::UniformAtOffset) => wgpu::ShaderStages::VERTEX_FRAGMENT,
+            (true, BindingKind::Uniform | BindingKind::UniformAtOffset) => {
+                wgpu::ShaderStages::VERTEX_FRAGMENT
+            }
             (true, _) => wgpu::ShaderStages::FRAGMENT,
         }
     }

@@ -7,3 +7,8 @@ pub mod kernels;
 pub mod params;
 pub mod passes;
 pub mod recorder;
+
+mod engine;
+
+pub use context::Backend;
+pub use engine::GpuEngine;

@@ -80,9 +80,8 @@ impl Timer {
         let Some(queries) = self.queries.as_mut().filter(|_| !spans.is_empty()) else { return Ok(()) };
         let ns = f64::from(context.queue.get_timestamp_period());
         let bytes = 2 * spans.len() * STAMP_BYTES as usize;
-        let stamps: Vec<u64> = queries
-            .readback
-            .read(context, "pass times", bytes, |bytes| bytemuck::pod_collect_to_vec(bytes))?;
+        let stamps: Vec<u64> =
+            queries.readback.read(context, "pass times", bytes, bytemuck::pod_collect_to_vec)?;
         for (pass, pair) in spans.iter().zip(stamps.chunks_exact(2)) {
             self.add(*pass, (pair[1].saturating_sub(pair[0]) as f64 * ns * 1e-6) as f32);
         }

@@ -42,7 +42,8 @@ impl ProjectSh {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         let built = Built::new(context, &kernels::PROJECT_SH)?;
-        let (partial_sums, total) = (built.compute(context, "partial_sums")?, built.compute(context, "total")?);
+        let (partial_sums, total) =
+            (built.compute(context, "partial_sums")?, built.compute(context, "total")?);
         Ok(Self {
             built,
             partial_sums,
