@@ -139,7 +139,7 @@ mod tests {
         basis::evaluate(2, [1.0, 0.0, 0.0], &mut x_axis);
         let mut turned = [0.0; 4];
         Rotation::new(2, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).apply(&x_axis, &mut turned);
-        let mut y_axis = [0.0; 4];
+        let mut y_axis = [0.0_f64; 4];
         basis::evaluate(2, [0.0, 1.0, 0.0], &mut y_axis);
         for (got, want) in turned.iter().zip(y_axis) {
             assert!((got - want).abs() < 1e-14);
