@@ -112,9 +112,9 @@ fn evaluate_lanes<const ORDER: usize>(
     let (mut re, mut im) = ([1.0; LANES], [0.0; LANES]);
     for m in 0..ORDER {
         let (mut below, mut legendre) = ([0.0; LANES], [DIAGONAL[m] as f32; LANES]);
-        for l in m..ORDER {
+        for (l, row) in RECURRENCE.iter().enumerate().take(ORDER).skip(m) {
             if l > m {
-                let (a, b) = (RECURRENCE[l][m].0 as f32, RECURRENCE[l][m].1 as f32);
+                let (a, b) = (row[m].0 as f32, row[m].1 as f32);
                 let next = each(|k| a * (z[k] * legendre[k] - b * below[k]));
                 (below, legendre) = (legendre, next);
             }

@@ -72,7 +72,9 @@ pub fn dominant<T: Real>(rgb: &[[T; 3]], gray_weights: [T; 3], least_anisotropy:
     let d = first_moment(gray(l1), gray(l2), gray(l3));
     let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
     let flux = (T::of(4.0) * T::PI()).sqrt() * gray(l0).abs();
-    if !(length > least_anisotropy * flux) || !length.is_finite() {
+    // Also where a coefficient is NaN: then no comparison holds.
+    let stands_out = length > least_anisotropy * flux && length.is_finite();
+    if !stands_out {
         let anisotropy = length / flux;
         return Dominant { anisotropy: if anisotropy.is_finite() { anisotropy } else { T::zero() }, ..none };
     }
