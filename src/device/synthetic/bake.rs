@@ -84,21 +84,57 @@ pub fn bake(room: &mut Room, fineness: Fineness) {
     }
     let windows: Vec<Grid> = faces.iter().map(|(s, f)| room.solids[*s].light[*f].soft.clone()).collect();
     // Three bounces: each pass gathers what the pass before left on the surfaces.
-    for (pass, side) in [(0u64, 6usize), (1, 6), (2, 12)] {
+    for (pass, side) in [(0u64, 4usize), (1, 4), (2, FINAL_SIDE)] {
         let soft: Vec<Grid> = faces
             .iter()
             .zip(&windows)
-            .map(|((s, f), w)| gather(room, *s, *f, BallView::Present, w, side, fineness.seed + 100 + pass))
+            .map(|((s, f), w)| {
+                gather(room, *s, *f, BallView::Present, w, side, fineness.seed + 100 + pass, &|_| true)
+            })
             .collect();
         for ((s, f), grid) in faces.iter().zip(soft) {
             room.solids[*s].light[*f].soft = grid;
         }
     }
-    let (table, top) = room.table_top;
-    let mut bare = direct(room, table, top, BallView::Absent, fineness);
-    bare.soft = gather(room, table, top, BallView::Absent, &bare.soft, 12, fineness.seed + 200);
-    room.bare_table = bare;
+    room.bare_table = bare_table(room, fineness);
 }
+
+/// The table's top without the ball: what it changes is computed anew, all else is kept.
+fn bare_table(room: &Room, fineness: Fineness) -> FaceLight {
+    let (table, top) = room.table_top;
+    let shape = &room.solids[table].shape;
+    let lit = &room.solids[table].light[top];
+    let ball = room.ball();
+    let key = fineness.seed ^ 0xba11;
+    let lamp = Grid::compute(lit.lamp.columns, lit.lamp.rows, |i, uv| {
+        let (p, n) = shape.face_point(top, uv);
+        if room.ball_near_segment(p, room.lamp.centre, room.lamp.radius) {
+            lamp_irradiance(room, p, n, BallView::Absent, [key, i as u64])
+        } else {
+            glam::Vec3::from(lit.lamp.irradiance[i]).as_dvec3()
+        }
+    });
+    let near = |p: DVec3| p.distance(ball.centre_world) < NEAR_BALL_RADII * ball.radius_m;
+    let window = Grid::compute(lit.soft.columns, lit.soft.rows, |i, uv| {
+        let (p, n) = shape.face_point(top, uv);
+        if near(p) {
+            window_irradiance(room, p, n, BallView::Absent, [key ^ 0xa5a5, i as u64])
+        } else {
+            DVec3::ZERO
+        }
+    });
+    let anew = gather(room, table, top, BallView::Absent, &window, FINAL_SIDE, key, &near);
+    let soft = Grid::compute(lit.soft.columns, lit.soft.rows, |i, uv| {
+        let source = if near(shape.face_point(top, uv).0) { &anew } else { &lit.soft };
+        glam::Vec3::from(source.irradiance[i]).as_dvec3()
+    });
+    FaceLight { lamp, soft }
+}
+
+/// Farther from the ball than so many of its radii its presence changes the soft light by less than 1 %.
+const NEAR_BALL_RADII: f64 = 7.0;
+/// Rays along each side of the last gathering.
+const FINAL_SIDE: usize = 10;
 
 /// Texels along a face of this size, about `texel` metres each.
 fn counts(size: DVec2, texel: f64) -> (usize, usize) {
@@ -112,8 +148,8 @@ fn direct(room: &Room, solid: usize, face: usize, ball: BallView, fineness: Fine
     let size = shape.face_size(face);
     let scale = fineness.table_texel_m;
     let (lamp_texel, soft_texel) = match room.role(solid, face) {
-        super::room::Role::TableTop => (scale, 8.0 * scale),
-        super::room::Role::OnTable => (2.0 * scale, 8.0 * scale),
+        super::room::Role::TableTop => (scale, 10.0 * scale),
+        super::room::Role::OnTable => (2.0 * scale, 10.0 * scale),
         super::room::Role::Far => (20.0 * scale, 120.0 * scale),
     };
     let key = fineness.seed ^ ((solid as u64) << 40) ^ ((face as u64) << 36) ^ 0x51;
@@ -148,14 +184,14 @@ fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2
         return room.lamp.radiance * (PI * sine * sine * facing);
     }
     let (side_x, side_y) = axis.any_orthonormal_pair();
-    let cast = |side: usize, salt: u64| {
+    let turn = DVec2::from_angle(TAU * uniform_pair([key[0], key[1], 0]).0);
+    let cast = |disc: &[DVec2]| {
         let (mut seen, mut all) = (0.0, 0.0);
-        for k in 0..side * side {
-            let (a, b) = uniform_pair([key[0] ^ salt, key[1], k as u64]);
-            let u = ((k % side) as f64 + a) / side as f64;
-            let v = ((k / side) as f64 + b) / side as f64;
+        for q in disc {
+            // The disc's area maps to the cone's solid angle.
+            let u = q.length_squared();
             let cosine = 1.0 - u * (1.0 - cosine_limit);
-            let around = DVec2::from_angle(TAU * v) * (1.0 - cosine * cosine).max(0.0).sqrt();
+            let around = turn.rotate(*q) * ((1.0 + cosine) * (1.0 - cosine_limit)).sqrt();
             let d = axis * cosine + side_x * around.x + side_y * around.y;
             let weight = n.dot(d).max(0.0);
             all += weight;
@@ -163,20 +199,32 @@ fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2
                 seen += weight;
             }
         }
-        (seen, all)
+        (seen, all / disc.len() as f64)
     };
-    let (mut seen, mut all) = cast(4, 0);
-    if seen > 0.0 && seen < all {
-        (seen, all) = cast(12, 0x77);
+    let (few, many) = discs();
+    let mut rays = few.len();
+    let (mut seen, mut mean) = cast(few);
+    if seen > 0.0 && seen < mean * (rays as f64 - 1e-6) {
+        rays = many.len();
+        (seen, mean) = cast(many);
     }
-    if all <= 0.0 {
+    if mean <= 0.0 {
         return DVec3::ZERO;
     }
-    let solid_angle = TAU * (1.0 - cosine_limit);
     // Above the horizon the cosine's mean over the cap is known exactly; the rays only give the share.
-    let unshadowed =
-        if high { PI * sine * sine * facing } else { solid_angle * all / if seen < all { 144.0 } else { 16.0 } };
-    room.lamp.radiance * (unshadowed * seen / all)
+    let unshadowed = if high { PI * sine * sine * facing } else { TAU * (1.0 - cosine_limit) * mean };
+    room.lamp.radiance * (unshadowed * (seen / (mean * rays as f64)).min(1.0))
+}
+
+/// Points spread evenly over the unit disc, on a spiral of the golden angle: a few, and many.
+fn discs() -> (&'static [DVec2], &'static [DVec2]) {
+    static POINTS: std::sync::OnceLock<(Vec<DVec2>, Vec<DVec2>)> = std::sync::OnceLock::new();
+    let golden = PI * (3.0 - 5f64.sqrt());
+    let spread = |n: usize| {
+        (0..n).map(|k| DVec2::from_angle(golden * k as f64) * ((k as f64 + 0.5) / n as f64).sqrt()).collect()
+    };
+    let points = POINTS.get_or_init(|| (spread(14), spread(64)));
+    (&points.0, &points.1)
 }
 
 /// Irradiance from the window, by stratified rays over its opening.
@@ -185,7 +233,7 @@ fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64;
     if (w.middle() - p).dot(n) <= -w.reach() {
         return DVec3::ZERO;
     }
-    const SIDE: usize = 8;
+    const SIDE: usize = 7;
     let mut sum = DVec3::ZERO;
     for k in 0..SIDE * SIDE {
         let (a, b) = uniform_pair([key[0], key[1], k as u64]);
@@ -210,13 +258,17 @@ fn gather(
     window: &Grid,
     side: usize,
     seed: u64,
+    wanted: &(impl Fn(DVec3) -> bool + Sync),
 ) -> Grid {
     let shape = &room.solids[solid].shape;
     let key = seed ^ ((solid as u64) << 40) ^ ((face as u64) << 36);
     let bounced = Grid::compute(window.columns, window.rows, |i, uv| {
         let (p, n) = shape.face_point(face, uv);
-        let (side_x, side_y) = n.any_orthonormal_pair();
         let mut sum = DVec3::ZERO;
+        if !wanted(p) {
+            return sum;
+        }
+        let (side_x, side_y) = n.any_orthonormal_pair();
         for k in 0..side * side {
             let (a, b) = uniform_pair([key, i as u64, k as u64]);
             let u = ((k % side) as f64 + a) / side as f64;

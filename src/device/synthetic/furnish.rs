@@ -12,6 +12,8 @@ use glam::{DVec2, DVec3};
 pub struct Plan {
     /// The walls first.
     pub solids: Vec<Solid>,
+    /// First members of the groups that stand together, then the number of solids.
+    pub groups: Vec<usize>,
     /// Index of the table's top.
     pub table: usize,
     /// The lamp.
@@ -29,23 +31,27 @@ const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 /// The whole room.
 pub fn furnish() -> Plan {
     let lamp = Lamp {
-        centre: DVec3::new(-0.52, 0.30, 1.05),
-        radius: 0.11,
+        centre: DVec3::new(-0.74, 0.36, 0.84),
+        radius: 0.115,
         radiance: DVec3::new(1.10, 1.0, 0.84) * 6200.0,
     };
     let window =
-        Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 150.0 };
+        Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 130.0 };
     let ball = MirrorBall {
         centre_world: DVec3::new(-0.20, 0.04, 0.06),
         radius_m: 0.06,
         reflectance_rgb: [0.90, 0.89, 0.87],
     };
     let mut solids = walls();
+    let mut groups = vec![solids.len()];
     window_frame(&mut solids, &window);
-    furniture(&mut solids);
+    groups.push(solids.len());
+    furniture(&mut solids, &mut groups);
     let table = solids.len();
+    groups.push(table);
     table_with_legs(&mut solids);
     let first_on_table = solids.len();
+    groups.push(first_on_table);
     on_the_table(&mut solids);
     solids.push(Solid {
         mirror: true,
@@ -57,36 +63,33 @@ pub fn furnish() -> Plan {
     for solid in &mut solids[first_on_table..] {
         solid.on_table = true;
     }
+    groups.push(solids.len());
     solids.push(Solid {
         emission: Some(lamp.radiance),
-        ..Solid::new(
-            Shape::Sphere { centre: lamp.centre, radius: lamp.radius },
-            &[Paint::Plain(DVec3::ZERO)],
-        )
+        ..Solid::new(Shape::Sphere { centre: lamp.centre, radius: lamp.radius }, &[Paint::Plain(DVec3::ZERO)])
     });
     let top = lamp.centre + DVec3::Z * (lamp.radius - 0.004);
     let metal = Paint::Plain(DVec3::splat(0.12));
-    solids.push(Solid::new(
-        Shape::Cylinder { base: top, radius: 0.03, height: 0.04, hollow: None },
-        &[metal],
-    ));
+    solids
+        .push(Solid::new(Shape::Cylinder { base: top, radius: 0.03, height: 0.04, hollow: None }, &[metal]));
     solids.push(Solid::new(
         Shape::Cylinder { base: top, radius: 0.004, height: CEILING - top.z, hollow: None },
         &[metal],
     ));
-    Plan { solids, table, lamp, window, ball }
+    groups.push(solids.len());
+    Plan { solids, groups, table, lamp, window, ball }
 }
 
 fn walls() -> Vec<Solid> {
-    let plaster = Paint::Wall(DVec3::new(0.68, 0.66, 0.60));
-    let accent = Paint::Wall(DVec3::new(0.50, 0.58, 0.56));
+    let plaster = Paint::Wall(DVec3::new(0.52, 0.50, 0.45));
+    let accent = Paint::Wall(DVec3::new(0.36, 0.43, 0.42));
     let parquet = Paint::Boards(0.11, 0.9, DVec3::new(0.40, 0.27, 0.155), DVec3::new(0.27, 0.165, 0.09));
     vec![Solid::new(
         Shape::Room {
             min: DVec3::new(ROOM.0[0], ROOM.1[0], FLOOR),
             max: DVec3::new(ROOM.0[1], ROOM.1[1], CEILING),
         },
-        &[plaster, plaster, plaster, accent, parquet, Paint::Mottled(DVec3::splat(0.78), 0.04)],
+        &[plaster, plaster, plaster, accent, parquet, Paint::Mottled(DVec3::splat(0.66), 0.04)],
     )]
 }
 
@@ -112,14 +115,10 @@ fn window_frame(solids: &mut Vec<Solid>, w: &Window) {
     }
 }
 
-fn furniture(solids: &mut Vec<Solid>) {
+fn furniture(solids: &mut Vec<Solid>, groups: &mut Vec<usize>) {
     let dark = Paint::Plain(DVec3::new(0.16, 0.085, 0.045));
     let oak = Paint::Mottled(DVec3::new(0.38, 0.25, 0.14), 0.12);
-    // Carpet, cabinet with things on it, chair behind the table, book shelf, door, pictures.
-    solids.push(Solid::new(
-        Shape::block([-1.3, -0.9, FLOOR], [1.1, 1.05, FLOOR + 0.008]),
-        &[oak, oak, oak, oak, oak, Paint::Carpet],
-    ));
+    // Cabinet with things on it, chair behind the table, then what lies along the walls and the floor.
     solids.push(Solid::new(Shape::block([-1.15, 1.20, FLOOR + 0.08], [0.35, 1.6, -0.02]), &[oak]));
     solids.push(Solid::new(Shape::block([-1.10, 1.24, FLOOR], [0.30, 1.58, FLOOR + 0.08]), &[dark]));
     for x in [-0.76, -0.38, 0.0] {
@@ -134,24 +133,36 @@ fn furniture(solids: &mut Vec<Solid>) {
         },
         &[Paint::Glaze(DVec3::new(0.55, 0.22, 0.08), DVec3::new(0.65, 0.58, 0.45))],
     ));
+    groups.push(solids.len());
     let seat = Paint::Mottled(DVec3::new(0.33, 0.10, 0.07), 0.2);
     solids.push(Solid::new(Shape::block([0.30, 0.62, -0.32], [0.72, 1.02, -0.27]), &[seat]));
     solids.push(Solid::new(Shape::block([0.30, 0.98, -0.02], [0.72, 1.02, 0.22]), &[seat]));
     for (x, y, top) in [(0.30, 0.62, -0.32), (0.68, 0.62, -0.32), (0.30, 0.98, 0.22), (0.68, 0.98, 0.22)] {
         solids.push(Solid::new(Shape::block([x, y, FLOOR], [x + 0.04, y + 0.04, top]), &[dark]));
     }
-    solids.push(Solid::new(
+    let carpet = Solid::new(
+        Shape::block([-1.3, -0.9, FLOOR], [1.1, 1.05, FLOOR + 0.008]),
+        &[oak, oak, oak, oak, oak, Paint::Carpet],
+    );
+    let shelf = Solid::new(
         Shape::block([1.42, -0.95, FLOOR], [1.7, 0.75, 1.24]),
         &[Paint::Books(61), dark, dark, dark, dark, oak],
-    ));
+    );
+    for piece in [carpet, shelf] {
+        groups.push(solids.len());
+        solids.push(piece);
+    }
+    groups.push(solids.len());
     let white = Paint::Plain(DVec3::splat(0.62));
     solids.push(Solid::new(Shape::block([-1.6, -1.4, FLOOR], [-0.75, -1.36, 1.30]), &[white]));
     let picture = |motif| {
         let p = Paint::Picture(motif);
         [dark, dark, p, p, dark, dark]
     };
+    groups.push(solids.len());
     solids.push(Solid::new(Shape::block([-0.75, 1.575, 0.42], [0.05, 1.6, 1.02]), &picture(3)));
     solids.push(Solid::new(Shape::block([0.45, 1.575, 0.50], [0.90, 1.6, 1.10]), &picture(8)));
+    groups.push(solids.len());
     solids.push(Solid::new(Shape::block([0.10, -1.4, 0.40], [1.10, -1.375, 1.05]), &picture(14)));
 }
 

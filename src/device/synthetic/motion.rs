@@ -1,7 +1,7 @@
 //! How the camera moves, and what an IMU on it feels.
 
 use super::random::{normal, uniform};
-use crate::device::{DeviceError, ImuSource};
+use crate::device::{DeviceError, ImuSource, ImuTruth};
 use crate::math::pose::Pose;
 use crate::model::{imu::ImuSample, time::Timestamp};
 use glam::{DQuat, DVec3};
@@ -72,21 +72,6 @@ impl Trajectory {
     }
 }
 
-/// What is wrong with the synthetic IMU, and by how much.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImuTruth {
-    /// Added to every gyroscope sample, rad/s.
-    pub gyro_bias_rad_s: [f64; 3],
-    /// Added to every accelerometer sample, m/s^2.
-    pub accel_bias_m_s2: [f64; 3],
-    /// Stated time minus true time of every sample, seconds.
-    pub time_offset_s: f64,
-    /// Standard deviation of one gyroscope sample, rad/s.
-    pub gyro_noise_rad_s: f64,
-    /// Standard deviation of one accelerometer sample, m/s^2.
-    pub accel_noise_m_s2: f64,
-}
-
 /// The synthetic IMU: mounted at the camera's centre, its axes the camera's.
 #[derive(Debug)]
 pub struct SyntheticImu {
@@ -135,8 +120,7 @@ impl ImuSource for SyntheticImu {
                     scale * normal([self.seed ^ 0x6a0, channel + 2 * axis as u64, self.next])
                 }))
             };
-            let gyro =
-                rate + DVec3::from(self.truth.gyro_bias_rad_s) + noise(0, self.truth.gyro_noise_rad_s);
+            let gyro = rate + DVec3::from(self.truth.gyro_bias_rad_s) + noise(0, self.truth.gyro_noise_rad_s);
             let accel =
                 force + DVec3::from(self.truth.accel_bias_m_s2) + noise(1, self.truth.accel_noise_m_s2);
             out.push(ImuSample { t: stated, gyro_rad_s: gyro.to_array(), accel_m_s2: accel.to_array() });

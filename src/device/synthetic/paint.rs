@@ -65,7 +65,9 @@ impl Paint {
             Self::Picture(motif) => picture(motif, uv, at, size),
             Self::Books(seed) => books(seed, at, size),
             Self::Cover(rgb, accent) => cover(rgb, accent, uv),
-            Self::Pages => DVec3::new(0.70, 0.66, 0.56) * (0.88 + 0.12 * noise(17, at.x * 3.0, at.y * 1500.0)),
+            Self::Pages => {
+                DVec3::new(0.70, 0.66, 0.56) * (0.88 + 0.12 * noise(17, at.x * 3.0, at.y * 1500.0))
+            }
             Self::Glaze(rgb, stripe) => {
                 if (0.62..0.72).contains(&uv.y) || (0.76..0.785).contains(&uv.y) {
                     stripe
@@ -74,7 +76,7 @@ impl Paint {
                 }
             }
             Self::Apple => {
-                let blush = noise(23, 9.0 * (uv.x * 6.283).cos(), 9.0 * (uv.x * 6.283).sin() + uv.y * 2.0);
+                let blush = noise(23, point.x * 60.0 + point.z * 25.0, point.y * 60.0);
                 let ripe = (0.35 + 0.5 * (1.0 - uv.y) + 0.35 * (blush - 0.5)).clamp(0.0, 1.0);
                 let skin = DVec3::new(0.36, 0.40, 0.07).lerp(DVec3::new(0.46, 0.035, 0.025), ripe);
                 if uv.y < 0.06 { DVec3::new(0.10, 0.06, 0.03) } else { skin }
@@ -171,19 +173,15 @@ fn picture(motif: u64, uv: DVec2, at: DVec2, size: DVec2) -> DVec3 {
     }
     let hue = |k: u64| uniform([52, motif, k]);
     // Layers of hills under a sky.
-    let mut color = DVec3::new(0.35 + 0.3 * hue(0), 0.45 + 0.2 * hue(1), 0.60).lerp(
-        DVec3::new(0.75, 0.60 + 0.1 * hue(2), 0.40),
-        (1.1 - uv.y).clamp(0.0, 1.0),
-    );
+    let mut color = DVec3::new(0.35 + 0.3 * hue(0), 0.45 + 0.2 * hue(1), 0.60)
+        .lerp(DVec3::new(0.75, 0.60 + 0.1 * hue(2), 0.40), (1.1 - uv.y).clamp(0.0, 1.0));
     for layer in 0..4u64 {
         let ridge = 0.72 - 0.16 * layer as f64
             + 0.16 * (noise(53 + motif, uv.x * (3.0 + layer as f64), 9.0 * layer as f64) - 0.5);
         if uv.y < ridge {
             let depth = layer as f64 / 3.0;
-            color = DVec3::new(0.40, 0.44, 0.48).lerp(
-                DVec3::new(0.06 + 0.12 * hue(3), 0.13 + 0.10 * hue(4), 0.06 + 0.06 * hue(5)),
-                depth,
-            );
+            color = DVec3::new(0.40, 0.44, 0.48)
+                .lerp(DVec3::new(0.06 + 0.12 * hue(3), 0.13 + 0.10 * hue(4), 0.06 + 0.06 * hue(5)), depth);
         }
     }
     let sun = (uv - DVec2::new(0.3 + 0.4 * hue(6), 0.82)).length();
@@ -212,8 +210,8 @@ fn books(seed: u64, at: DVec2, size: DVec2) -> DVec3 {
 
 fn cover(rgb: DVec3, accent: DVec3, uv: DVec2) -> DVec3 {
     let (x, y) = (uv.x, uv.y);
-    let title = (0.15..0.85).contains(&x)
-        && ((0.70..0.76).contains(&y) || ((0.60..0.64).contains(&y) && x < 0.62));
+    let title =
+        (0.15..0.85).contains(&x) && ((0.70..0.76).contains(&y) || ((0.60..0.64).contains(&y) && x < 0.62));
     let band = (0.16..0.20).contains(&y);
     let disc = (DVec2::new((x - 0.5) * 0.7, y - 0.40)).length() < 0.11;
     if title || band || disc { accent } else { rgb }

@@ -45,9 +45,10 @@ pub struct Solid {
     pub on_table: bool,
     /// Irradiance of each face.
     pub light: Vec<FaceLight>,
-    bounds: (DVec3, DVec3),
-    middle: DVec3,
-    reach: f64,
+    /// The box around it, and the ball around that.
+    pub(super) bounds: (DVec3, DVec3),
+    pub(super) middle: DVec3,
+    pub(super) reach: f64,
 }
 
 impl Solid {
@@ -150,6 +151,24 @@ pub struct Room {
     ball: usize,
     ball_facts: MirrorBall,
     lamp_solid: usize,
+    groups: Vec<Group>,
+}
+
+/// Solids that stand together (all after the walls), with the box around them.
+#[derive(Clone, Debug)]
+struct Group {
+    bounds: (DVec3, DVec3),
+    members: std::ops::Range<usize>,
+}
+
+impl Group {
+    fn of(solids: &[Solid], members: std::ops::Range<usize>) -> Self {
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let bounds = solids[members.clone()]
+            .iter()
+            .fold(empty, |(low, high), s| (low.min(s.bounds.0), high.max(s.bounds.1)));
+        Self { bounds, members }
+    }
 }
 
 /// Where a ray ends.
@@ -174,6 +193,7 @@ impl Room {
             window: plan.window,
             bare_table: FaceLight::default(),
             ball_facts: plan.ball,
+            groups: plan.groups.windows(2).map(|w| Group::of(&plan.solids, w[0]..w[1])).collect(),
             solids: plan.solids,
         };
         bake(&mut room, fineness);
@@ -197,17 +217,21 @@ impl Room {
     /// The nearest meeting of a ray with the room.
     pub fn trace(&self, origin: DVec3, direction: DVec3, ball: BallView) -> Option<Hit> {
         let inverse = direction.recip();
-        let mut best: Option<Hit> = None;
-        let mut limit = f64::INFINITY;
-        for (index, solid) in self.solids.iter().enumerate() {
-            if (index == self.ball && ball == BallView::Absent)
-                || !passes(&solid.bounds, origin, inverse, limit)
-            {
-                continue;
-            }
-            if let Some(meeting) = solid.shape.meet(origin, direction, 1e-6, limit) {
-                limit = meeting.t;
-                best = Some(Hit { solid: index, meeting });
+        let walls = self.solids[0].shape.meet(origin, direction, 1e-6, f64::INFINITY);
+        let mut best = walls.map(|meeting| Hit { solid: 0, meeting });
+        let mut limit = best.map_or(f64::INFINITY, |hit| hit.meeting.t);
+        for group in self.groups.iter().filter(|g| passes(&g.bounds, origin, inverse, f64::INFINITY)) {
+            for index in group.members.clone() {
+                let solid = &self.solids[index];
+                if (index == self.ball && ball == BallView::Absent)
+                    || !passes(&solid.bounds, origin, inverse, limit)
+                {
+                    continue;
+                }
+                if let Some(meeting) = solid.shape.meet(origin, direction, 1e-6, limit) {
+                    limit = meeting.t;
+                    best = Some(Hit { solid: index, meeting });
+                }
             }
         }
         best
@@ -216,11 +240,14 @@ impl Room {
     /// Whether anything but walls and lamp stands between the origin and `distance`.
     pub fn occluded(&self, origin: DVec3, direction: DVec3, distance: f64, ball: BallView) -> bool {
         let inverse = direction.recip();
-        self.solids.iter().enumerate().skip(1).any(|(index, solid)| {
-            index != self.lamp_solid
-                && !(index == self.ball && ball == BallView::Absent)
-                && passes(&solid.bounds, origin, inverse, distance)
-                && solid.shape.meet(origin, direction, 1e-6, distance).is_some()
+        self.groups.iter().filter(|g| passes(&g.bounds, origin, inverse, distance)).any(|group| {
+            group.members.clone().any(|index| {
+                let solid = &self.solids[index];
+                index != self.lamp_solid
+                    && !(index == self.ball && ball == BallView::Absent)
+                    && passes(&solid.bounds, origin, inverse, distance)
+                    && solid.shape.meet(origin, direction, 1e-6, distance).is_some()
+            })
         })
     }
 
@@ -241,6 +268,11 @@ impl Room {
             }
         }
         Blockers(set)
+    }
+
+    /// Whether the ball comes nearer than `reach` to a segment.
+    pub fn ball_near_segment(&self, from: DVec3, to: DVec3, reach: f64) -> bool {
+        self.near_segment(from, to, reach, BallView::Present).0 >> self.ball.min(63) & 1 == 1
     }
 
     /// Whether one of these solids stands between the origin and `distance`.
@@ -316,9 +348,8 @@ impl Room {
         let size = solid.shape.face_size(face);
         let uv = (point - solid.bounds.0.truncate()) / size;
         let inside = uv.cmpge(DVec2::ZERO).all() && uv.cmple(DVec2::ONE).all();
-        inside.then(|| {
-            solid.paint(face).albedo(uv, size, point.extend(0.0)) * self.bare_table.sample(uv) / PI
-        })
+        inside
+            .then(|| solid.paint(face).albedo(uv, size, point.extend(0.0)) * self.bare_table.sample(uv) / PI)
     }
 }
 

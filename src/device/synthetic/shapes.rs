@@ -106,12 +106,13 @@ impl Shape {
                 );
                 (*centre - reach, *centre + reach)
             }
-            Self::Cylinder { base, radius, height, .. } => (
-                *base - DVec3::new(*radius, *radius, 0.0),
-                *base + DVec3::new(*radius, *radius, *height),
-            ),
+            Self::Cylinder { base, radius, height, .. } => {
+                (*base - DVec3::new(*radius, *radius, 0.0), *base + DVec3::new(*radius, *radius, *height))
+            }
             Self::Sphere { centre, radius } => (*centre - *radius, *centre + *radius),
-            Self::Handle { centre, radii, .. } => (*centre - (radii.x + radii.y), *centre + (radii.x + radii.y)),
+            Self::Handle { centre, radii, .. } => {
+                (*centre - (radii.x + radii.y), *centre + (radii.x + radii.y))
+            }
         }
     }
 
@@ -161,7 +162,8 @@ impl Shape {
                     0 => (*base + around * *radius + DVec3::Z * (uv.y * height), around),
                     2 => (*base + around * inner + DVec3::Z * (uv.y * height), -around),
                     _ => {
-                        let flat = ((uv * 2.0 - 1.0) * *radius).extend(if face == 1 { *height } else { floor });
+                        let flat =
+                            ((uv * 2.0 - 1.0) * *radius).extend(if face == 1 { *height } else { floor });
                         (*base + flat, DVec3::Z)
                     }
                 }
@@ -204,10 +206,8 @@ impl Shape {
                 let h = b * b - (o.length_squared() - radius * radius);
                 let t = (h >= 0.0).then(|| -b - h.sqrt()).filter(|t| *t > t_min && *t < t_max)?;
                 let normal = (o + direction * t) / *radius;
-                let uv = DVec2::new(
-                    normal.y.atan2(normal.x) / TAU + 0.5,
-                    normal.z.clamp(-1.0, 1.0).acos() / PI,
-                );
+                let uv =
+                    DVec2::new(normal.y.atan2(normal.x) / TAU + 0.5, normal.z.clamp(-1.0, 1.0).acos() / PI);
                 Some(Meeting { t, face: 0, uv, normal })
             }
             Self::Handle { .. } => self.meet_handle(origin, direction, t_min, t_max),
