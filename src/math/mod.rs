@@ -5,6 +5,7 @@ pub mod charts;
 pub mod color;
 pub mod lens;
 pub mod pose;
+pub mod quadrature;
 pub mod sh;
 pub mod solve;
 pub mod sphere;

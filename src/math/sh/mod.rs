@@ -2,6 +2,10 @@
 //! Condon-Shortley phase inside P, index l(l+1)+m, z up.
 
 pub mod basis;
+pub mod product;
+pub mod project;
+pub mod rotate;
+pub mod zonal;
 
 /// Largest order supported; bands 0..=5.
 pub const MAX_ORDER: usize = 6;
