@@ -1,0 +1,1 @@
+//! Joint pose from all known tags (in the making).
