@@ -3,8 +3,9 @@
 use super::merge_bracket::MAX_PICTURES;
 use crate::model::{frame::Exposure, image::Rgb8Image, response::Response};
 
-/// Values from which a ratio is measured: away from black and from saturation.
-const WELL_EXPOSED: std::ops::RangeInclusive<u8> = 20..=235;
+/// Values from which a ratio is measured: away from saturation, and from black, where stray light and the toe of
+/// film (the scans of `brackets/memorial` hold no value below 14) hide the exposure.
+const WELL_EXPOSED: std::ops::RangeInclusive<u8> = 40..=235;
 /// Pixels of a picture that are looked at, about.
 const PIXELS_LOOKED_AT: usize = 20_000;
 /// Fewest well-exposed values that two pictures must share.
@@ -24,8 +25,9 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// For a response that is only a guess: its slope may be wrong by a third.
-    pub const GUESSED_RESPONSE: Self = Self { absolute: 0.25, relative: 0.35 };
+    /// For a response that is only a guess: its slope may be wrong by half (1.5 for the camera of the mirror ball
+    /// pictures against sRGB), but equal pictures at a ratio of 2 are still told apart.
+    pub const GUESSED_RESPONSE: Self = Self { absolute: 0.15, relative: 0.6 };
     /// For a response that was calibrated or solved.
     pub const KNOWN_RESPONSE: Self = Self { absolute: 0.15, relative: 0.1 };
 
@@ -88,7 +90,7 @@ pub struct MeasuredRatio {
 }
 
 /// Exposure of `a` over that of `b` from their pixels: the median of g(z_a) - g(z_b) over about 20,000 pixels on a
-/// grid, all channels, where both values are within 20..=235. The median forgives things that moved. Resolution
+/// grid, all channels, where both values are within 40..=235. The median forgives things that moved. Resolution
 /// 1/128. `None` where sizes differ or fewer than 300 values are shared. No allocation.
 pub fn measured_ratio(a: &Rgb8Image, b: &Rgb8Image, response: &Response) -> Option<MeasuredRatio> {
     let (width, height) = (a.width(), a.height());

@@ -15,9 +15,11 @@ const USABLE: std::ops::RangeInclusive<u8> = 3..=252;
 const FEWEST_SAMPLES: usize = 24;
 /// Fewest distinct values among a channel's samples.
 const FEWEST_VALUES: usize = 32;
+/// Values by which the fit is judged: the toe of film and stray light spoil the darkest ones in honest brackets.
+const JUDGED: std::ops::RangeInclusive<u8> = 40..=235;
 /// Residual (rms, in units of ln exposure) above which pictures and stated exposures cannot belong together.
-/// Real brackets (`brackets/memorial`, the mirror ball) leave 0.02 to 0.12.
-const WORST_RESIDUAL: f64 = 0.3;
+/// Real brackets leave 0.02 (F5) to 0.24 (`brackets/memorial` with its borders); false times leave 0.9 and more.
+const WORST_RESIDUAL: f64 = 0.4;
 
 /// How to solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,8 +144,9 @@ fn choose_samples(pictures: &[&Rgb8Image], channel: usize, most: usize) -> Vec<V
     }
     candidates.sort_unstable();
     let (Some(first), Some(last)) = (candidates.first(), candidates.last()) else { return Vec::new() };
-    // Equal steps of brightness, and in each step as many pixels, evenly taken from those of that step: in the
-    // order of the picture, hence spread over it.
+    // Equal steps of brightness. Of each step the flatter half, where a slight shift between the pictures or a
+    // blurred edge does no harm, and of those as many as are wanted, evenly, in the order of the picture: hence
+    // spread over it.
     let (low, span) = (first.0, last.0 - first.0 + 1);
     let steps = (most as u32).clamp(1, 64).min(span);
     let each = (most / steps as usize).max(1);
@@ -151,12 +154,28 @@ fn choose_samples(pictures: &[&Rgb8Image], channel: usize, most: usize) -> Vec<V
     for k in 0..steps {
         let from = candidates.partition_point(|c| c.0 < low + span * k / steps);
         let to = candidates.partition_point(|c| c.0 < low + span * (k + 1) / steps);
-        let mut group: Vec<usize> = candidates[from..to].iter().map(|c| c.1).collect();
+        let mut group: Vec<(u8, usize)> =
+            candidates[from..to].iter().map(|c| (contrast(pictures, channel, c.1), c.1)).collect();
         group.sort_unstable();
+        group.truncate((group.len() / 2).max(each));
+        group.sort_unstable_by_key(|c| c.1);
         let taken = each.min(group.len());
-        chosen.extend((0..taken).map(|i| group[(2 * i + 1) * group.len() / (2 * taken)]));
+        chosen.extend((0..taken).map(|i| group[(2 * i + 1) * group.len() / (2 * taken)].1));
     }
     chosen.into_iter().map(|i| pictures.iter().map(|p| p.pixels()[i][channel]).collect()).collect()
+}
+
+/// Largest difference to a neighbour left, right, above or below, in any picture.
+fn contrast(pictures: &[&Rgb8Image], channel: usize, index: usize) -> u8 {
+    let (width, height) = (pictures[0].width(), pictures[0].height());
+    let (x, y) = (index % width, index / width);
+    let near = [(x.saturating_sub(1), y), (x + 1, y), (x, y.saturating_sub(1)), (x, y + 1)];
+    let differences = pictures.iter().flat_map(|p| {
+        near.iter()
+            .filter(|(x, y)| *x < width && *y < height)
+            .map(move |&(nx, ny)| p.at(nx, ny)[channel].abs_diff(p.at(x, y)[channel]))
+    });
+    differences.max().unwrap_or(0)
 }
 
 /// g of one channel, and the weighted rms of the residual. `samples`: for each pixel one value a picture.
@@ -180,7 +199,7 @@ fn solve_channel(
     let column = |z: usize| if z < 128 { z } else { z - 1 };
     let mut matrix: Vec<f64> = Vec::new();
     let mut right: Vec<f64> = Vec::new();
-    let mut pixel_weight = 0.0;
+    let (mut judged, mut judged_weight) = (Vec::new(), 0.0);
     for sample in samples {
         let weights: Vec<f64> = sample.iter().map(|&z| f64::from(weight(z))).collect();
         let total: f64 = weights.iter().map(|w| w * w).sum();
@@ -201,11 +220,13 @@ fn solve_channel(
             for (&other, v) in sample.iter().zip(&weights) {
                 add(other, -w * v * v / total);
             }
+            if JUDGED.contains(&z) {
+                judged.push(right.len());
+                judged_weight += w * w;
+            }
             right.push(w * (t.ln() - mean_log_t));
-            pixel_weight += w * w;
         }
     }
-    let pixel_rows = right.len();
     for z in 1..255usize {
         let factor = lambda * f64::from(weight(z as u8));
         let start = matrix.len();
@@ -224,14 +245,15 @@ fn solve_channel(
             found.rank
         ));
     }
-    let residual: f64 = (0..pixel_rows)
-        .map(|r| {
-            let fit: f64 =
-                matrix[r * 255..(r + 1) * 255].iter().zip(&found.solution).map(|(a, x)| a * x).sum();
+    let residual: f64 = judged
+        .iter()
+        .map(|&r| {
+            let row = &matrix[r * 255..(r + 1) * 255];
+            let fit: f64 = row.iter().zip(&found.solution).map(|(a, x)| a * x).sum();
             (fit - right[r]).powi(2)
         })
         .sum();
-    let residual_rms = (residual / pixel_weight).sqrt();
+    let residual_rms = (residual / judged_weight).sqrt();
     let mut g: [f64; 256] = std::array::from_fn(|z| if z == 128 { 0.0 } else { found.solution[column(z)] });
     pool_adjacent_violators(&mut g);
     if !(residual_rms <= WORST_RESIDUAL) {
