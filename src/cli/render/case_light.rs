@@ -6,11 +6,12 @@ use crate::assets::{
 };
 use crate::cli::CliError;
 use crate::light::{
-    maps, project_sh,
+    project_sh,
     split::{self, SplitOptions},
 };
-use crate::math::bvh::Bvh;
+use crate::math::{bvh::Bvh, sphere};
 use crate::model::{
+    image::RadianceImage,
     light::{DirectionalLight, EnvironmentMap, MapLayout, RadianceSamples, RadianceSh, SplitLight},
     scene::Scene,
 };
@@ -72,7 +73,7 @@ fn source(kind: &EmitterKind) -> Result<Source, CliError> {
             let radiance = pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr.radiance;
             let map = EnvironmentMap { layout: MapLayout::Equirect, radiance };
             let mut samples = RadianceSamples::default();
-            maps::samples_of_map(&map, &mut samples);
+            samples_of_equirect(&map.radiance, &mut samples);
             Source::Environment(samples, map)
         }
         EmitterKind::Directional { to_light_world, irradiance_rgb } => {
@@ -88,6 +89,20 @@ fn source(kind: &EmitterKind) -> Result<Source, CliError> {
             patch(*centre, side * *radius, normal.cross(side) * *radius, true, *radiance_rgb)
         }
     })
+}
+
+/// One sample for each texel of an equirectangular picture, with its exact solid angle.
+fn samples_of_equirect(map: &RadianceImage, out: &mut RadianceSamples) {
+    let (width, height) = (map.width(), map.height());
+    for y in 0..height {
+        let solid_angle_sr = sphere::equirect_row_solid_angle(width, height, y);
+        for (x, &[r, g, b]) in map.row(y).iter().enumerate() {
+            let (u, v) = ((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
+            let d = sphere::equirect_direction(u, v).as_vec3();
+            out.directions.push([d.x, d.y, d.z, solid_angle_sr as f32]);
+            out.radiance.push([r, g, b, 0.0]);
+        }
+    }
 }
 
 fn patch(centre: DVec3, half_u: DVec3, half_v: DVec3, disc: bool, radiance_rgb: [f64; 3]) -> Source {
@@ -180,9 +195,12 @@ pub fn split_for_objects(
     } else {
         project_sh::project_sh(&samples, order)
     };
-    Ok(match direct {
-        Some(direct) => SplitLight { direct: Some(direct), global: total },
-        None => split::split(&total, &SplitOptions::default()),
+    // A constant sky is soft as it is; only light that has a direct part hidden in it is split.
+    let mixed = |s: &Source| matches!(s, Source::Environment(..) | Source::Patch { .. });
+    Ok(if direct.is_none() && sources.iter().any(mixed) {
+        split::split(&total, &SplitOptions::default())
+    } else {
+        SplitLight { direct, global: total }
     })
 }
 

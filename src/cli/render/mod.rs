@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 /// Of a case (a JSON file or its folder) the receivers are shaded without the objects, from the case's own
 /// emitters: Lambert, exact irradiance, no interreflection. That picture stands for the camera's, and the
 /// objects are drawn over it by the engine as over any other. The objects' light: one directional emitter is
-/// the hard half and everything else the soft half; without one, all light goes to SH and is split as in the
-/// paper. Where a plane z = 0 is among the receivers the lower half of a distant light is cut off.
+/// the hard half and everything else the soft half; a constant sky alone is soft; any other light goes to SH
+/// and is split as in the paper. Where a plane z = 0 is among the receivers the lower half of a distant light is cut off.
 ///
 /// Example: halflight render shared/reference/f4_sun45 --image sun_only --out sun.exr --compare
 #[derive(clap::Args, Debug)]
