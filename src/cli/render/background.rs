@@ -31,7 +31,7 @@ pub fn shade(case: &Case, scene: &Scene, sources: &[Source]) -> HdrImage {
     radiance.pixels_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.iter_mut().enumerate() {
             let mut sum = [0.0; 3];
-            for [dx, dy] in SAMPLES {
+            for (k, [dx, dy]) in SAMPLES.into_iter().enumerate() {
                 let at = DVec2::new(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
                 if let Some(ray) = case.lens.unproject(at) {
                     let seen = trace(
@@ -39,6 +39,7 @@ pub fn shade(case: &Case, scene: &Scene, sources: &[Source]) -> HdrImage {
                         sources,
                         case.world_from_camera.translation,
                         case.world_from_camera.rotate(ray),
+                        k,
                     );
                     sum.iter_mut().zip(seen).for_each(|(s, c)| *s += 0.25 * c);
                 }
@@ -93,7 +94,7 @@ fn gather(case: &Case, scene: &Scene, sources: &[Source]) -> Receivers {
     receivers
 }
 
-fn trace(receivers: &Receivers, sources: &[Source], origin: DVec3, ray: DVec3) -> [f64; 3] {
+fn trace(receivers: &Receivers, sources: &[Source], origin: DVec3, ray: DVec3, number: usize) -> [f64; 3] {
     let hit = receivers.bvh.intersect(origin.as_vec3(), ray.as_vec3(), 0.0, f32::INFINITY);
     let wall = hit.map_or(f64::INFINITY, |h| f64::from(h.t));
     let lamp = sources
@@ -124,7 +125,7 @@ fn trace(receivers: &Receivers, sources: &[Source], origin: DVec3, ray: DVec3) -
     let point = origin + f64::from(hit.t) * ray;
     let mut out = receivers.distant_rgb[triangle];
     for source in sources {
-        let e = case_light::near_irradiance(source, &receivers.bvh, point, normal);
+        let e = case_light::near_irradiance(source, &receivers.bvh, point, normal, number);
         for c in 0..3 {
             out[c] += receivers.reflects_rgb[triangle][c] * e[c];
         }

@@ -20,6 +20,8 @@ use std::f64::consts::PI;
 
 /// Samples a side of a polygon or disc.
 const PATCH_SIDE: usize = 8;
+/// Rays a pixel, which share the samples among them.
+pub const RAYS: usize = 4;
 
 /// An emitter made ready.
 pub enum Source {
@@ -107,8 +109,12 @@ fn samples_of_equirect(map: &RadianceImage, out: &mut RadianceSamples) {
 
 fn patch(centre: DVec3, half_u: DVec3, half_v: DVec3, disc: bool, radiance_rgb: [f64; 3]) -> Source {
     let n = PATCH_SIDE as f64;
-    let cells = (0..PATCH_SIDE).flat_map(|j| (0..PATCH_SIDE).map(move |i| (i as f64 + 0.5, j as f64 + 0.5)));
-    let points = cells.map(|(i, j)| {
+    let mut cells: Vec<(usize, usize)> =
+        (0..PATCH_SIDE * PATCH_SIDE).map(|k| (k % PATCH_SIDE, k / PATCH_SIDE)).collect();
+    // Ray k of a pixel uses every fourth point from k on: two in each row, shifted from row to row.
+    cells.sort_by_key(|&(i, j)| (j, i / RAYS, (i + 2 * j) % RAYS));
+    let points = cells.into_iter().map(|(i, j)| {
+        let (i, j) = (i as f64 + 0.5, j as f64 + 0.5);
         let (u, v) = if disc {
             let (radius, phi) = ((j / n).sqrt(), 2.0 * PI * i / n);
             (radius * phi.cos(), radius * phi.sin())
@@ -238,8 +244,15 @@ pub fn distant_irradiance(source: &Source, normal: DVec3) -> [f64; 3] {
     }
 }
 
-/// Irradiance on a point of a receiver from the sources that receivers can hide.
-pub fn near_irradiance(source: &Source, receivers: &Bvh, point: DVec3, normal: DVec3) -> [f64; 3] {
+/// Irradiance on a point of a receiver from the sources that receivers can hide; `ray` of 0..RAYS takes its own
+/// quarter of a flat emitter's points.
+pub fn near_irradiance(
+    source: &Source,
+    receivers: &Bvh,
+    point: DVec3,
+    normal: DVec3,
+    ray: usize,
+) -> [f64; 3] {
     // Off the surface by more than the rounding of a ray's end.
     let start = (point + 1e-4 * normal).as_vec3();
     match source {
@@ -252,7 +265,7 @@ pub fn near_irradiance(source: &Source, receivers: &Bvh, point: DVec3, normal: D
         }
         Source::Patch { points, normal: front, area_m2, radiance_rgb, .. } => {
             let mut sum = 0.0;
-            for p in points {
+            for p in points.iter().skip(ray).step_by(RAYS) {
                 let to = *p - point;
                 let squared = to.length_squared();
                 let direction = to / squared.sqrt();
@@ -260,7 +273,7 @@ pub fn near_irradiance(source: &Source, receivers: &Bvh, point: DVec3, normal: D
                 if here > 0.0 && there > 0.0 {
                     let to = (p.as_vec3() - start) * (1.0 - 1e-4);
                     if !receivers.occluded(start, to, 0.0, 1.0) {
-                        sum += here * there * area_m2 / squared;
+                        sum += here * there * area_m2 * RAYS as f64 / squared;
                     }
                 }
             }

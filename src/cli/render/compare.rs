@@ -17,7 +17,8 @@ pub struct MaskError {
     pub name: String,
     /// Pixels wholly covered.
     pub pixels: usize,
-    /// Root of the mean squared error over the mean of the truth, all channels.
+    /// Root of the mean squared error over the mean of the truth, all channels; over the whole picture's mean
+    /// for an object that is darker than a hundredth of it.
     pub relative_rmse: f64,
     /// Mean of ours over mean of the truth.
     pub mean_ratio: f64,
@@ -28,9 +29,11 @@ pub struct MaskError {
 pub struct ShadowError {
     /// Pixels.
     pub pixels: usize,
-    /// Root of the mean squared error over the mean ratio.
+    /// Root of the mean squared error, in ratio.
+    pub rmse: f64,
+    /// The same over the mean true ratio.
     pub relative_rmse: f64,
-    /// Median of ours over the truth.
+    /// Median of ours over the truth, where the truth is above 0.
     pub median_ratio: f64,
 }
 
@@ -124,14 +127,18 @@ fn relative_error(ours: &RadianceImage, truth: &RadianceImage, pixels: &[usize])
             }
         }
     }
-    if count == 0.0 || true_sum == 0.0 {
-        return (if squares == 0.0 { 0.0 } else { f64::INFINITY }, 1.0);
+    if count == 0.0 {
+        return (0.0, 1.0);
     }
-    ((squares / count).sqrt() / (true_sum / count).abs(), sum / true_sum)
+    let all = truth.pixels().iter().flatten().filter(|c| c.is_finite());
+    let whole_mean = all.map(|&c| f64::from(c)).sum::<f64>() / (3 * truth.pixels().len()) as f64;
+    let mean = (true_sum / count).abs();
+    let scale = if mean > 0.01 * whole_mean.abs() { mean } else { whole_mean.abs() };
+    ((squares / count).sqrt() / scale, if true_sum == 0.0 { f64::NAN } else { sum / true_sum })
 }
 
 fn shadow_error(still: &Still, drawn: &Drawn, truth: &RadianceImage, open: &[usize]) -> Option<ShadowError> {
-    let (mut squares, mut sum) = (0.0, 0.0);
+    let (mut squares, mut sum, mut pixels) = (0.0, 0.0, 0u32);
     let mut ratios = Vec::new();
     for &i in open {
         let without = still.background.radiance.pixels()[i].map(f64::from);
@@ -147,15 +154,17 @@ fn shadow_error(still: &Still, drawn: &Drawn, truth: &RadianceImage, open: &[usi
         if a.is_finite() && b.is_finite() && b < SHADOW_BELOW {
             squares += (a - b) * (a - b);
             sum += b;
+            pixels += 1;
             if b > 0.0 {
                 ratios.push(a / b);
             }
         }
     }
-    let pixels = ratios.len();
+    let rmse = (squares / f64::from(pixels)).sqrt();
     (pixels > 0).then(|| ShadowError {
-        pixels,
-        relative_rmse: (squares / pixels as f64).sqrt() / (sum / pixels as f64),
+        pixels: pixels as usize,
+        rmse,
+        relative_rmse: rmse / (sum / f64::from(pixels)),
         median_ratio: median(ratios),
     })
 }
@@ -181,7 +190,7 @@ impl Comparison {
             .collect();
         let shadow = self.shadow.map(|s| {
             serde_json::json!({
-                "pixels": s.pixels, "relative_rmse": s.relative_rmse, "median_ratio": s.median_ratio,
+                "pixels": s.pixels, "rmse": s.rmse, "relative_rmse": s.relative_rmse, "median_ratio": s.median_ratio,
             })
         });
         serde_json::json!({
@@ -212,8 +221,8 @@ impl fmt::Display for Comparison {
         match self.shadow {
             Some(s) => writeln!(
                 f,
-                "  {:<24}relative RMSE {:.4}  median ratio {:.4}  ({} px)",
-                "shadow (ratio < 0.93)", s.relative_rmse, s.median_ratio, s.pixels
+                "  {:<24}relative RMSE {:.4}  median ratio {:.4}  ({} px, RMSE {:.4})",
+                "shadow (ratio < 0.93)", s.relative_rmse, s.median_ratio, s.pixels, s.rmse
             ),
             None => writeln!(f, "  {:<24}nothing is shadowed", "shadow (ratio < 0.93)"),
         }

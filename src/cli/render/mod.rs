@@ -11,6 +11,7 @@ pub use still::{Drawn, Quantity, Still, default_image, of_case};
 use super::{CliError, Common};
 use crate::assets::{case, pictures};
 use crate::engine::Engine;
+use crate::math::lens::Lens;
 use crate::model::quality::Quality;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +44,12 @@ pub struct Arguments {
     /// [default: such that nine tenths of the picture lie below 0.8].
     #[arg(long, value_name = "SECONDS")]
     pub exposure_s: Option<f64>,
+    /// Columns of the picture of a case, with rows and focal lengths in proportion [default: the case's own].
+    #[arg(long, value_name = "PX", conflicts_with = "compare")]
+    pub width_px: Option<u32>,
+    /// Draw so many times more and report the median time of each pass.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub repeat: usize,
     /// SH order of the light, 2 to 6.
     #[arg(long, value_name = "N", default_value_t = Quality::default().sh_order)]
     pub sh_order: usize,
@@ -76,14 +83,17 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let (still, case) = if is_scene {
         return Err(CliError::on(arguments.input.display(), "scene files are not read yet"));
     } else {
-        let case = case::load(&arguments.input).map_err(|e| CliError(e.to_string()))?;
+        let mut case = case::load(&arguments.input).map_err(|e| CliError(e.to_string()))?;
+        if let Some(width_px) = arguments.width_px {
+            case.lens = scaled(&case.lens, width_px)?;
+        }
         let image = match &arguments.image {
             Some(name) => name.clone(),
             None => default_image(&case)?,
         };
         (still::of_case(&case, &image, &quality)?, Some((case, image)))
     };
-    let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s)?;
+    let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
 
     if let (Some(out), Some(format)) = (&arguments.out, save) {
         match format {
@@ -101,6 +111,17 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref());
     Ok(())
+}
+
+/// A lens for another number of columns.
+fn scaled(lens: &Lens, width_px: u32) -> Result<Lens, CliError> {
+    if !(16..=4096).contains(&width_px) {
+        return Err(CliError(format!("--width-px = {width_px}: must be within 16..=4096")));
+    }
+    let k = f64::from(width_px) / f64::from(lens.width);
+    let height = ((f64::from(lens.height) * k).round() as u32).max(1);
+    let (fx, fy, cx, cy) = (lens.fx * k, lens.fy * k, lens.cx * k, lens.cy * k);
+    Ok(Lens { width: width_px, height, fx, fy, cx, cy, ..*lens })
 }
 
 enum Format {

@@ -113,11 +113,13 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
 
 impl Still {
     /// Draws it. Exposure in seconds for the 8-bit picture; `None` puts nine tenths of the place below 0.8.
+    /// Drawn `repeat` times more, each pass is reported with its median time.
     pub fn draw(
         &self,
         engine: &mut dyn Engine,
         quality: &Quality,
         exposure_s: Option<f64>,
+        repeat: usize,
     ) -> Result<Drawn, CliError> {
         let failed = |e: crate::engine::EngineError| CliError(e.to_string());
         engine.load_scene(&self.scene).map_err(failed)?;
@@ -138,6 +140,16 @@ impl Still {
         engine.relight(&plan, &input, &mut picture).map_err(failed)?;
         let mut timings = Vec::new();
         engine.take_timings(&mut timings);
+        let mut runs = vec![Vec::with_capacity(repeat); timings.len()];
+        for _ in 0..repeat {
+            engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+            engine.take_timings(&mut timings);
+            runs.iter_mut().zip(&timings).for_each(|(run, t)| run.push(t.ms));
+        }
+        for (timing, run) in timings.iter_mut().zip(&mut runs) {
+            run.sort_by(f32::total_cmp);
+            timing.ms = run.get(run.len() / 2).copied().unwrap_or(timing.ms);
+        }
         let mut radiance = picture.radiance;
         let pairs = radiance.pixels_mut().iter_mut().zip(self.background.radiance.pixels());
         for (out, without) in pairs {
