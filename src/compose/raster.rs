@@ -7,7 +7,6 @@
 //! triangle's samples, so that an edge pixel is never shaded beside its triangle.
 //! On the GPU the rasteriser of the hardware does this work with the same four samples.
 
-use super::geometry::ObjectGeometry;
 use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
@@ -24,6 +23,9 @@ const BAND_ROWS: usize = 8;
 const NEAR_M: f32 = 1e-3;
 /// Cosine of 3 degrees, see `bounds`.
 const EDGE_STEP_COSINE: f64 = 0.998_629_534_754_573_9;
+/// Real surfaces hide an object only if they are nearer by more than this share of the distance, so that
+/// what stands on a surface is not hidden by it.
+pub const CONTACT_SHARE: f32 = 1e-4;
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
@@ -131,73 +133,34 @@ struct Setup {
 
 /// The nearest triangle of a coverage sample.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
+pub struct Sample {
     distance: f32,
     triangle: u32,
 }
 
-/// The rasteriser's memory.
+impl Default for Sample {
+    /// Nothing met.
+    fn default() -> Self {
+        Self { distance: f32::INFINITY, triangle: NONE }
+    }
+}
+
+/// Triangles as one picture sees them, sorted into bands of rows. Keeps its memory from frame to frame.
 #[derive(Clone, Debug, Default)]
-pub struct Raster {
+pub struct Projected {
     vertices: Vec<(Vec3, Option<DVec2>)>,
     setups: Vec<Setup>,
     bin_ends: Vec<usize>,
     bins: Vec<u32>,
-    samples: Vec<Sample>,
 }
 
-impl Raster {
-    /// Draws objects into a layer of premultiplied radiance (r, g, b) and coverage (a).
-    ///
-    /// `hidden(ray_world, distance_m)` says whether something real lies in front, for a unit ray from the eye;
-    /// it is asked for each covered sample. `shade` gives the radiance of a fragment. Both must be pure:
-    /// the result is the same for any number of threads.
-    pub fn draw(
-        &mut self,
-        rays: &Rays,
-        view: &View,
-        geometry: &ObjectGeometry,
-        hidden: impl Fn(Vec3, f32) -> bool + Sync,
-        shade: impl Fn(&Fragment) -> [f32; 3] + Sync,
-        out: &mut Image<[f32; 4]>,
-    ) {
-        let (width, height) = (rays.width(), rays.height());
-        out.reshape(width, height, [0.0; 4]);
+impl Projected {
+    /// Projects triangles (world frame, metres) through the lens of the rays.
+    pub fn prepare(&mut self, rays: &Rays, view: &View, positions: &[Vec3], triangles: &[[u32; 3]]) {
         let Some(lens) = rays.lens else { return };
-        self.set_up(&lens, rays.half_angle_rad, view, geometry);
-        self.sort_into_bands(height);
-
-        let count = rays.samples_a_pixel;
-        self.samples.resize(width * height * count, Sample { distance: f32::INFINITY, triangle: NONE });
-        let (setups, bins, ends) = (&self.setups, &self.bins, &self.bin_ends);
-        let rows = out.pixels_mut().par_chunks_mut(BAND_ROWS * width.max(1));
-        let samples = self.samples.par_chunks_mut((BAND_ROWS * width * count).max(1));
-        let directions = rays.samples.par_chunks((BAND_ROWS * width * count).max(1));
-        rows.zip(samples).zip(directions).enumerate().for_each(|(band, ((layer, samples), directions))| {
-            layer.fill([0.0; 4]);
-            let start = if band == 0 { 0 } else { ends[band - 1] };
-            let bin = &bins[start..ends[band]];
-            if bin.is_empty() {
-                return;
-            }
-            samples.fill(Sample { distance: f32::INFINITY, triangle: NONE });
-            for &triangle in bin {
-                let setup = &setups[triangle as usize];
-                cover(setup, triangle, band * BAND_ROWS, width, count, directions, samples);
-            }
-            let pixels = layer.iter_mut().zip(samples.chunks(count)).zip(directions.chunks(count));
-            for ((pixel, samples), directions) in pixels {
-                if samples.iter().any(|s| s.triangle != NONE) {
-                    *pixel = resolve(setups, view, samples, directions, &hidden, &shade);
-                }
-            }
-        });
-    }
-
-    fn set_up(&mut self, lens: &Lens, half_angle_rad: f32, view: &View, geometry: &ObjectGeometry) {
         let camera_from_world = view.world_from_camera.transpose();
-        self.vertices.resize(geometry.positions.len(), (Vec3::ZERO, None));
-        let chunks = self.vertices.par_chunks_mut(512).zip(geometry.positions.par_chunks(512));
+        self.vertices.resize(positions.len(), (Vec3::ZERO, None));
+        let chunks = self.vertices.par_chunks_mut(512).zip(positions.par_chunks(512));
         chunks.for_each(|(out, positions)| {
             for (slot, &p) in out.iter_mut().zip(positions) {
                 let camera = camera_from_world * (p - view.eye);
@@ -205,13 +168,14 @@ impl Raster {
             }
         });
         let vertices = &self.vertices;
-        self.setups.resize(geometry.triangles.len(), Setup::default());
-        let chunks = self.setups.par_chunks_mut(512).zip(geometry.triangles.par_chunks(512));
+        self.setups.resize(triangles.len(), Setup::default());
+        let chunks = self.setups.par_chunks_mut(512).zip(triangles.par_chunks(512));
         chunks.for_each(|(out, triangles)| {
             for (setup, triangle) in out.iter_mut().zip(triangles) {
-                *setup = prepare(lens, half_angle_rad, triangle.map(|i| vertices[i as usize]));
+                *setup = prepare(&lens, rays.half_angle_rad, triangle.map(|i| vertices[i as usize]));
             }
         });
+        self.sort_into_bands(rays.height());
     }
 
     /// Lists for each band of rows the triangles that may touch it, in their order.
@@ -244,6 +208,116 @@ impl Raster {
             }
         }
     }
+
+    fn bin(&self, band: usize) -> &[u32] {
+        let start = if band == 0 { 0 } else { self.bin_ends[band - 1] };
+        &self.bins[start..self.bin_ends[band]]
+    }
+
+    fn fragment(&self, view: &View, triangle: u32, ray: Vec3) -> Fragment {
+        let setup = &self.setups[triangle as usize];
+        let e = setup.edges.map(|edge| edge.dot(ray).max(0.0));
+        let sum = e[0] + e[1] + e[2];
+        let world = view.world_from_camera * ray;
+        Fragment {
+            triangle: triangle as usize,
+            barycentric: if sum > 0.0 { e.map(|e| e / sum) } else { [1.0 / 3.0; 3] },
+            point_world: view.eye + world * (setup.distance / setup.normal.dot(ray)),
+            to_eye: -world,
+        }
+    }
+}
+
+/// Draws objects into a layer of premultiplied radiance (r, g, b) and coverage (a). A sample of an object is
+/// hidden where an `occluder` is nearer by more than `CONTACT_SHARE` of the distance. `shade` gives the
+/// radiance of a fragment; it must be pure: the result is the same for any number of threads.
+/// `samples` is working memory.
+pub fn draw_objects(
+    rays: &Rays,
+    view: &View,
+    objects: &Projected,
+    occluders: &Projected,
+    shade: impl Fn(&Fragment) -> [f32; 3] + Sync,
+    samples: &mut Vec<Sample>,
+    out: &mut Image<[f32; 4]>,
+) {
+    let (width, height, count) = (rays.width(), rays.height(), rays.samples_a_pixel);
+    out.reshape(width, height, [0.0; 4]);
+    samples.resize(width * height * count, Sample::default());
+    let band_samples = (BAND_ROWS * width * count).max(1);
+    let rows = out.pixels_mut().par_chunks_mut((BAND_ROWS * width).max(1));
+    let samples = samples.par_chunks_mut(band_samples);
+    let directions = rays.samples.par_chunks(band_samples);
+    rows.zip(samples).zip(directions).enumerate().for_each(|(band, ((layer, samples), directions))| {
+        layer.fill([0.0; 4]);
+        if objects.bin(band).is_empty() {
+            return;
+        }
+        samples.fill(Sample::default());
+        let whole = Part { first_row: band * BAND_ROWS, width, count, columns: [0, width as i32 - 1] };
+        let mut columns = [i32::MAX, -1];
+        for &triangle in objects.bin(band) {
+            let setup = &objects.setups[triangle as usize];
+            columns = [columns[0].min(setup.columns[0]), columns[1].max(setup.columns[1])];
+            cover(setup, &whole, directions, samples, |sample, distance| {
+                if distance < sample.distance {
+                    *sample = Sample { distance, triangle };
+                }
+            });
+        }
+        let touched = Part { columns, ..whole };
+        for &triangle in occluders.bin(band) {
+            let setup = &occluders.setups[triangle as usize];
+            cover(setup, &touched, directions, samples, |sample, distance| {
+                if distance < sample.distance * (1.0 - CONTACT_SHARE) {
+                    sample.triangle = NONE;
+                }
+            });
+        }
+        let pixels = layer.iter_mut().zip(samples.chunks(count)).zip(directions.chunks(count));
+        for ((pixel, samples), directions) in pixels {
+            if samples.iter().any(|s| s.triangle != NONE) {
+                *pixel = resolve(objects, view, samples, directions, &shade);
+            }
+        }
+    });
+}
+
+/// For each pixel, what `shade` makes of the surface that the ray through its centre meets first; `background`
+/// where it meets none. As `draw_objects` otherwise.
+pub fn draw_surfaces<P: Copy + Send + Sync>(
+    rays: &Rays,
+    view: &View,
+    surfaces: &Projected,
+    background: P,
+    shade: impl Fn(&Fragment) -> P + Sync,
+    samples: &mut Vec<Sample>,
+    out: &mut Image<P>,
+) {
+    let (width, height) = (rays.width(), rays.height());
+    out.reshape(width, height, background);
+    samples.resize(width * height, Sample::default());
+    let band_pixels = (BAND_ROWS * width).max(1);
+    let rows = out.pixels_mut().par_chunks_mut(band_pixels);
+    let samples = samples.par_chunks_mut(band_pixels);
+    let directions = rays.centres.par_chunks(band_pixels);
+    rows.zip(samples).zip(directions).enumerate().for_each(|(band, ((row, samples), directions))| {
+        row.fill(background);
+        samples.fill(Sample::default());
+        let whole = Part { first_row: band * BAND_ROWS, width, count: 1, columns: [0, width as i32 - 1] };
+        for &triangle in surfaces.bin(band) {
+            cover(&surfaces.setups[triangle as usize], &whole, directions, samples, |sample, distance| {
+                if distance < sample.distance {
+                    *sample = Sample { distance, triangle };
+                }
+            });
+        }
+        for ((pixel, sample), &ray) in row.iter_mut().zip(samples).zip(directions) {
+            if sample.triangle != NONE {
+                *pixel = shade(&surfaces.fragment(view, sample.triangle, ray));
+            }
+        }
+    });
 }
 
 /// Planes of a triangle and the part of the picture that it may cover.
@@ -344,22 +418,34 @@ fn bounds(lens: &Lens, half_angle_rad: f32, corners: &[(Vec3, Option<DVec2>); 3]
     all.iter().all(|x| x.is_finite()).then_some(all)
 }
 
-/// Keeps a triangle in the samples of a band where it is the nearest so far (the first one on a tie).
-fn cover(
-    setup: &Setup,
-    triangle: u32,
+/// A part of the picture: some rows, and some of their columns.
+#[derive(Clone, Copy)]
+struct Part {
     first_row: usize,
     width: usize,
     count: usize,
+    columns: [i32; 2],
+}
+
+/// Calls `meet` with each sample of a part that a triangle covers, and the distance there.
+fn cover(
+    setup: &Setup,
+    part: &Part,
     directions: &[Vec3],
     samples: &mut [Sample],
+    meet: impl Fn(&mut Sample, f32),
 ) {
-    let band_rows = samples.len() / (width * count);
+    let Part { first_row, width, count, columns } = *part;
+    let columns = [setup.columns[0].max(columns[0]), setup.columns[1].min(columns[1])];
+    if columns[0] > columns[1] {
+        return;
+    }
+    let rows = samples.len() / (width * count);
     let top = (setup.rows[0] as usize).max(first_row) - first_row;
-    let bottom = (setup.rows[1] as usize).min(first_row + band_rows - 1) - first_row;
+    let bottom = (setup.rows[1] as usize).min(first_row + rows - 1) - first_row;
     for y in top..=bottom {
-        let start = (y * width + setup.columns[0] as usize) * count;
-        let end = (y * width + setup.columns[1] as usize + 1) * count;
+        let start = (y * width + columns[0] as usize) * count;
+        let end = (y * width + columns[1] as usize + 1) * count;
         for (sample, &ray) in samples[start..end].iter_mut().zip(&directions[start..end]) {
             let facing = setup.normal.dot(ray);
             if setup.edges[0].dot(ray) >= 0.0
@@ -367,57 +453,36 @@ fn cover(
                 && setup.edges[2].dot(ray) >= 0.0
                 && facing > 0.0
             {
-                let distance = setup.distance / facing;
-                if distance < sample.distance {
-                    *sample = Sample { distance, triangle };
-                }
+                meet(sample, setup.distance / facing);
             }
         }
     }
 }
 
-/// One pixel: real things hide samples, each visible triangle is shaded once.
+/// One pixel: each visible triangle is shaded once.
 fn resolve(
-    setups: &[Setup],
+    objects: &Projected,
     view: &View,
     samples: &[Sample],
     directions: &[Vec3],
-    hidden: &impl Fn(Vec3, f32) -> bool,
     shade: &impl Fn(&Fragment) -> [f32; 3],
 ) -> [f32; 4] {
-    let mut open = [NONE; 4];
-    for ((slot, sample), &ray) in open.iter_mut().zip(samples).zip(directions) {
-        if sample.triangle != NONE && !hidden(view.world_from_camera * ray, sample.distance) {
-            *slot = sample.triangle;
-        }
-    }
     let weight = 1.0 / samples.len() as f32;
     let mut pixel = [0.0f32; 4];
-    for k in 0..samples.len() {
-        let triangle = open[k];
-        if triangle == NONE || open[..k].contains(&triangle) {
+    for (k, sample) in samples.iter().enumerate() {
+        let triangle = sample.triangle;
+        if triangle == NONE || samples[..k].iter().any(|s| s.triangle == triangle) {
             continue;
         }
         let mut ray = Vec3::ZERO;
         let mut share = 0.0;
-        for (&other, &direction) in open.iter().zip(directions) {
-            if other == triangle {
+        for (other, &direction) in samples.iter().zip(directions) {
+            if other.triangle == triangle {
                 ray += direction;
                 share += weight;
             }
         }
-        let setup = &setups[triangle as usize];
-        let ray = ray.normalize_or_zero();
-        let e = setup.edges.map(|edge| edge.dot(ray).max(0.0));
-        let sum = e[0] + e[1] + e[2];
-        let world = view.world_from_camera * ray;
-        let fragment = Fragment {
-            triangle: triangle as usize,
-            barycentric: if sum > 0.0 { e.map(|e| e / sum) } else { [1.0 / 3.0; 3] },
-            point_world: view.eye + world * (setup.distance / setup.normal.dot(ray)),
-            to_eye: -world,
-        };
-        let radiance = shade(&fragment);
+        let radiance = shade(&objects.fragment(view, triangle, ray.normalize_or_zero()));
         for (slot, c) in pixel.iter_mut().zip(radiance) {
             *slot += share * c;
         }
@@ -429,6 +494,7 @@ fn resolve(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compose::geometry::ObjectGeometry;
     use crate::model::scene::{Material, Mesh, Scene, VirtualObject};
     use glam::{Affine3A, DVec3};
 
@@ -445,13 +511,31 @@ mod tests {
         geometry
     }
 
-    fn draw(lens: &Lens, pose: &Pose, geometry: &ObjectGeometry, samples: u32) -> Image<[f32; 4]> {
+    fn project(rays: &Rays, view: &View, geometry: &ObjectGeometry) -> Projected {
+        let mut projected = Projected::default();
+        projected.prepare(rays, view, &geometry.positions, &geometry.triangles);
+        projected
+    }
+
+    fn draw_behind(
+        lens: &Lens,
+        pose: &Pose,
+        geometry: &ObjectGeometry,
+        real: &ObjectGeometry,
+        samples: u32,
+    ) -> Image<[f32; 4]> {
         let mut rays = Rays::default();
         rays.update(lens, samples);
+        let view = View::of(pose);
+        let (objects, occluders) = (project(&rays, &view, geometry), project(&rays, &view, real));
         let mut out = Image::default();
         let shade = |f: &Fragment| f.point_world.to_array();
-        Raster::default().draw(&rays, &View::of(pose), geometry, |_, _| false, shade, &mut out);
+        draw_objects(&rays, &view, &objects, &occluders, shade, &mut Vec::new(), &mut out);
         out
+    }
+
+    fn draw(lens: &Lens, pose: &Pose, geometry: &ObjectGeometry, samples: u32) -> Image<[f32; 4]> {
+        draw_behind(lens, pose, geometry, &ObjectGeometry::default(), samples)
     }
 
     fn lenses() -> [Lens; 3] {
@@ -547,14 +631,36 @@ mod tests {
         };
         let behind = draw(&lens, &Pose::IDENTITY, &square(-1.0), 4);
         assert!(behind.pixels().iter().all(|p| *p == [0.0; 4]));
-        let mut rays = Rays::default();
-        rays.update(&lens, 4);
-        let mut out = Image::default();
-        let view = View::of(&Pose::IDENTITY);
-        let hidden = |ray: Vec3, distance: f32| ray.x * distance < 0.0;
-        Raster::default().draw(&rays, &view, &square(1.0), hidden, |_| [1.0; 3], &mut out);
-        for (k, pixel) in out.pixels().iter().enumerate() {
-            assert_eq!(pixel[3], if k % 32 < 16 { 0.0 } else { 1.0 }, "column {}", k % 32);
+        // A real screen over the left half, before the square, at its very place, and behind it.
+        let screen = |z: f32| {
+            let p = |x: f32, y: f32| Vec3::new(x * z, y * z, z);
+            scene(vec![p(-1.0, -1.0), p(0.0, -1.0), p(0.0, 1.0), p(-1.0, 1.0)], vec![[0, 1, 2], [0, 2, 3]])
+        };
+        for (z, hidden) in [(0.5, true), (0.999, true), (1.0, false), (2.0, false)] {
+            let layer = draw_behind(&lens, &Pose::IDENTITY, &square(1.0), &screen(z), 4);
+            for (k, pixel) in layer.pixels().iter().enumerate() {
+                let expected = if hidden && k % 32 < 16 { 0.0 } else { 1.0 };
+                assert_eq!(pixel[3], expected, "screen at {z}, column {}", k % 32);
+            }
+        }
+    }
+
+    #[test]
+    fn surfaces_are_met_at_pixel_centres_nearest_first() {
+        let pose = Pose::look_at(DVec3::new(0.3, -0.2, 0.1), DVec3::new(1.0, 2.0, 0.5), DVec3::Z);
+        let geometry = room();
+        for lens in lenses() {
+            let mut rays = Rays::default();
+            rays.update(&lens, 4);
+            let view = View::of(&pose);
+            let projected = project(&rays, &view, &geometry);
+            let mut met = Image::default();
+            let shade = |f: &Fragment| f.point_world.to_array();
+            draw_surfaces(&rays, &view, &projected, [9.0; 3], shade, &mut Vec::new(), &mut met);
+            let layer = draw(&lens, &pose, &geometry, 1);
+            for (a, b) in met.pixels().iter().zip(layer.pixels()) {
+                assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} {b:?}");
+            }
         }
     }
 

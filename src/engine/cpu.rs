@@ -4,12 +4,11 @@ use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput}
 use crate::compose::{
     composite,
     geometry::{ObjectGeometry, SurfaceGeometry},
-    raster::{Fragment, Raster, Rays, View},
+    raster::{self, Fragment, Projected, Rays, Sample, View},
     shade_object::{self, LightTerms, ObjectPoint},
-    shade_surface::{self, SurfaceFrame, SurfaceHit},
+    shade_surface::{self, SurfaceFrame},
     tonemap::ToneTable,
 };
-use crate::math::bvh::Bvh;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
     picture::Picture,
@@ -22,9 +21,6 @@ use crate::visibility::shadow_maps::{self, ShadowCamera, ShadowMap};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Real surfaces hide an object only if they are nearer by more than this share of the distance, so that
-/// what stands on a surface is not hidden by it.
-pub const CONTACT_SHARE: f32 = 1e-4;
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
 
@@ -40,13 +36,16 @@ pub struct CpuEngine {
 struct Work {
     objects: ObjectGeometry,
     surfaces: SurfaceGeometry,
-    bvh: Option<Bvh>,
     rays: Rays,
-    raster: Raster,
+    seen_objects: Projected,
+    seen_surfaces: Projected,
+    samples: Vec<Sample>,
     shadow_map: ShadowMap,
     object_layer: Image<[f32; 4]>,
     ratio: RadianceImage,
     tone: Option<ToneTable>,
+    /// The surfaces have not been projected yet in this frame.
+    project_needed: bool,
 }
 
 impl CpuEngine {
@@ -72,9 +71,6 @@ impl Engine for CpuEngine {
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
         self.work.objects.load(scene);
         self.work.surfaces.load(&scene.surfaces);
-        let surfaces = &self.work.surfaces;
-        self.work.bvh =
-            (!surfaces.triangles.is_empty()).then(|| Bvh::build(&surfaces.positions, &surfaces.triangles));
         Ok(())
     }
 
@@ -180,6 +176,7 @@ impl Work {
         let light = LightTerms::of(input.light);
         let view = View::of(input.world_from_camera);
         let mut shadow = None;
+        self.project_needed = true;
         let (mut objects_drawn, mut ratio_drawn) = (false, false);
         out.t = input.t;
         for planned in &plan.passes {
@@ -228,11 +225,9 @@ impl Work {
         shadow: Option<&ShadowCamera>,
         quality: &Quality,
     ) {
-        self.rays.update(input.lens, quality.coverage_samples);
-        let (objects, bvh, map) = (&self.objects, self.bvh.as_ref(), self.shadow_map.depth());
-        let hidden = |ray: Vec3, distance_m: f32| {
-            bvh.is_some_and(|b| b.occluded(view.eye, ray, 0.0, distance_m * (1.0 - CONTACT_SHARE)))
-        };
+        self.project_surfaces(input, view, quality);
+        let (objects, map) = (&self.objects, self.shadow_map.depth());
+        self.seen_objects.prepare(&self.rays, view, &objects.positions, &objects.triangles);
         let shade = |fragment: &Fragment| {
             let point = object_point(objects, fragment, light, |p, cosine| {
                 shadow.map_or(1.0, |c| shadow_maps::visibility(map, c, quality.pcf_taps, p, cosine))
@@ -240,7 +235,15 @@ impl Work {
             let material = objects.material_of_triangle[fragment.triangle];
             shade_object::shade(light, &objects.materials[material as usize], &point)
         };
-        self.raster.draw(&self.rays, view, objects, hidden, shade, &mut self.object_layer);
+        raster::draw_objects(
+            &self.rays,
+            view,
+            &self.seen_objects,
+            &self.seen_surfaces,
+            shade,
+            &mut self.samples,
+            &mut self.object_layer,
+        );
     }
 
     fn shade_surface(
@@ -251,24 +254,34 @@ impl Work {
         camera: &ShadowCamera,
         quality: &Quality,
     ) {
-        self.rays.update(input.lens, quality.coverage_samples);
-        let (width, height) = (self.rays.width(), self.rays.height());
-        self.ratio.reshape(width, height, [1.0; 3]);
-        let frame = SurfaceFrame {
-            light,
-            camera,
-            map: self.shadow_map.depth(),
-            pcf_taps: quality.pcf_taps,
-            eye: view.eye,
-        };
-        let (surfaces, bvh) = (&self.surfaces, self.bvh.as_ref());
-        let nearest = |ray: Vec3, longest_m: f32| surface_hit(surfaces, bvh?, view.eye, ray, longest_m);
-        let rows = self.ratio.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(self.rays.centres().par_chunks(width.max(1))).for_each(|(ratios, rays)| {
-            for (ratio, &ray) in ratios.iter_mut().zip(rays) {
-                *ratio = shade_surface::pixel(&frame, view.world_from_camera * ray, nearest);
+        self.project_surfaces(input, view, quality);
+        let frame = SurfaceFrame { light, camera, map: self.shadow_map.depth(), pcf_taps: quality.pcf_taps };
+        let surfaces = &self.surfaces;
+        let shade = |fragment: &Fragment| {
+            if !surfaces.receives[fragment.triangle] || !camera.covers(fragment.point_world) {
+                return [1.0; 3];
             }
-        });
+            let (normal, facet) = surface_normals(surfaces, fragment);
+            shade_surface::at(&frame, fragment.point_world, normal, facet)
+        };
+        raster::draw_surfaces(
+            &self.rays,
+            view,
+            &self.seen_surfaces,
+            [1.0; 3],
+            shade,
+            &mut self.samples,
+            &mut self.ratio,
+        );
+    }
+
+    /// Real surfaces through the lens, for the first pass of a frame that asks.
+    fn project_surfaces(&mut self, input: &RelightInput<'_>, view: &View, quality: &Quality) {
+        self.rays.update(input.lens, quality.coverage_samples);
+        if std::mem::take(&mut self.project_needed) {
+            let surfaces = &self.surfaces;
+            self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
+        }
     }
 
     fn composite(&self, input: &RelightInput<'_>, objects: bool, ratios: bool, out: &mut RadianceImage) {
@@ -332,28 +345,12 @@ fn object_point(
     ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness, visibility }
 }
 
-/// The nearest real surface along a ray, its normals turned to the seen side.
-fn surface_hit(
-    surfaces: &SurfaceGeometry,
-    bvh: &Bvh,
-    eye: Vec3,
-    ray: Vec3,
-    longest_m: f32,
-) -> Option<SurfaceHit> {
-    if ray == Vec3::ZERO {
-        return None;
-    }
-    let hit = bvh.intersect(eye, ray, 0.0, longest_m)?;
-    let triangle = hit.triangle as usize;
-    let corners = surfaces.triangles[triangle];
-    let facet = surfaces.facet_normals[triangle];
-    let side = if facet.dot(ray) > 0.0 { -1.0 } else { 1.0 };
-    let normal: Vec3 =
-        corners.iter().zip(hit.barycentric).map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
-    Some(SurfaceHit {
-        distance_m: hit.t,
-        normal: side * normal.normalize_or(facet),
-        facet_normal: side * facet,
-        receives: surfaces.receives[triangle],
-    })
+/// Shading and facet normal of a real surface at a fragment, on the seen side.
+fn surface_normals(surfaces: &SurfaceGeometry, fragment: &Fragment) -> (Vec3, Vec3) {
+    let facet = surfaces.facet_normals[fragment.triangle];
+    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
+    let corners = surfaces.triangles[fragment.triangle];
+    let weighted = corners.iter().zip(fragment.barycentric);
+    let normal: Vec3 = weighted.map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
+    (side * normal.normalize_or(facet), side * facet)
 }
