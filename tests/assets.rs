@@ -6,7 +6,7 @@ use glam::{DVec2, Vec3};
 use halflight::{
     assets::{
         case::{self, EmitterKind},
-        dds, gltf, obj,
+        gltf, obj,
         pictures::{load_gray8, load_radiance, load_raw, load_rgb8},
         shapes::{bounds, merged, transformed},
     },
@@ -201,14 +201,13 @@ fn real_models_come_out_upright_and_sound() {
     let Some(shared) = support::shared("models") else { return };
     // Triangles, lowest and highest corner (z up, facing -y), objects. Boxes of files without nodes or skins follow
     // from their accessors' own bounds; the robot's is as posed by its skin: feet at 0, head at 4.4.
-    let expected: [(&str, usize, [f32; 3], [f32; 3], usize); 5] = [
+    for (name, triangles, low, high, objects) in [
         ("CornellBox_bevy.glb", 36, [-556.0, 0.0, 0.0], [0.0, 559.2, 548.8], 5),
         ("DamagedHelmet.glb", 15_452, [-0.947, -0.813, -0.901], [0.942, 1.187, 0.901], 1),
         ("Fox.glb", 576, [-12.593, -66.625, -0.122], [12.593, 88.095, 78.907], 1),
         ("RobotExpressive.glb", 3_234, [-1.691, -1.706, -0.020], [1.554, 0.950, 4.442], 3),
         ("SimpleSkin.gltf", 8, [-0.5, 0.0, 0.0], [0.5, 0.0, 2.0], 1),
-    ];
-    for (name, triangles, low, high, objects) in expected {
+    ] {
         let model = gltf::load_with(&shared.join("data/models").join(name), 8, &|_| ()).unwrap();
         let meshes: Vec<Mesh> = model.iter().map(|o| o.mesh.clone()).collect();
         let all = merged(&meshes);
@@ -227,21 +226,5 @@ fn real_models_come_out_upright_and_sound() {
             let mean = |c: usize| model[0].mesh.tints_rgb.iter().map(|t| t[c]).sum::<f32>() / n;
             assert!(mean(0) > 2.0 * mean(2) && mean(0) > mean(1), "{} {} {}", mean(0), mean(1), mean(2));
         }
-    }
-}
-
-#[test]
-fn debevec_cubes_load_upright() {
-    let Some(shared) = support::shared("cubes") else { return };
-    for name in ["grace", "galileo"] {
-        let cube = dds::load_cube(&shared.join(format!("data/hdr/debevec_{name}_cross.dds"))).unwrap();
-        assert_eq!((cube.map.radiance.width(), cube.map.radiance.height()), (256, 1536));
-        assert_eq!(cube.replaced, Default::default(), "{name}");
-        // Both are churches lit from above: the face straight up outshines the floor.
-        let mean = |face: usize| -> f64 {
-            let rows = (face * 256..(face + 1) * 256).flat_map(|y| cube.map.radiance.row(y));
-            rows.map(|p| f64::from(p[1])).sum::<f64>() / 65_536.0
-        };
-        assert!(mean(4) > mean(5), "{name}: up {} down {}", mean(4), mean(5));
     }
 }
