@@ -27,8 +27,8 @@ pub enum BindingKind {
     Write,
     /// A 2D texture of floats, read texel by texel.
     Floats,
-    /// An array of 2D textures of unsigned integers, read texel by texel.
-    UintArray,
+    /// A 2D texture of unsigned integers, read texel by texel.
+    Uints,
 }
 
 /// One place of bind group 0; its number is its position in the kernel's list.
@@ -70,7 +70,7 @@ impl Kernel {
 
     /// Whether it draws (has vertex and fragment stages) rather than computes.
     pub const fn draws(&self) -> bool {
-        matches!(self.pass, Pass::ShadowMaps | Pass::ShadeObject)
+        matches!(self.pass, Pass::ShadowMaps | Pass::ShadeObject | Pass::ShadeSurface)
     }
 
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {
@@ -99,9 +99,9 @@ impl Kernel {
                 view_dimension: wgpu::TextureViewDimension::D2,
                 multisampled: false,
             },
-            BindingKind::UintArray => wgpu::BindingType::Texture {
+            BindingKind::Uints => wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Uint,
-                view_dimension: wgpu::TextureViewDimension::D2Array,
+                view_dimension: wgpu::TextureViewDimension::D2,
                 multisampled: false,
             },
         };
