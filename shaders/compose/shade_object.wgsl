@@ -20,19 +20,25 @@ struct MaterialTerms {
 const FRAC_1_PI = 0.318309886;
 const TAU = 6.28318531;
 const MIRROR_EXPONENT = -1.0;
+// Cosine between normals that count as near: 2.6 degrees.
+const NEAR_ENOUGH = 0.999;
 // Far beyond white, and still a 16-bit float.
 const BRIGHTEST = 6e4;
 // Real surfaces are moved back by this share of their distance: what stands on one is not hidden by it.
 const CONTACT_SHARE = 1e-4;
 
+// Two pixels' worth of attributes: at the pixel's centre, which the triangle may not cover, and inside of what it
+// covers (wherever the device likes that to be).
 struct Seen {
     @builtin(position) clip: vec4<f32>,
-    // Interpolated to the pixel's centre even where the triangle does not cover it: a plane for derivatives.
-    @location(0) plane_world: vec3<f32>,
-    // Interpolated to the middle of what is covered.
-    @location(1) @interpolate(perspective, centroid) point_world: vec3<f32>,
-    @location(2) @interpolate(perspective, centroid) normal: vec3<f32>,
-    @location(3) @interpolate(perspective, centroid) tint_openness: vec4<f32>,
+    @location(0) from_eye: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) tint_openness: vec4<f32>,
+    // The fourth is 1. Some software rasterisers interpolate with the w of the centre here; dividing by what has
+    // become of the 1 mends that.
+    @location(3) @interpolate(perspective, centroid) inside_from_eye: vec4<f32>,
+    @location(4) @interpolate(perspective, centroid) inside_normal: vec3<f32>,
+    @location(5) @interpolate(perspective, centroid) inside_tint_openness: vec4<f32>,
 }
 
 @vertex
@@ -43,27 +49,39 @@ fn vertex(
 ) -> Seen {
     var seen: Seen;
     seen.clip = clip_position(view, position, 1.0);
-    seen.plane_world = position;
-    seen.point_world = position;
+    seen.from_eye = position - view.eye.xyz;
     seen.normal = normal;
     seen.tint_openness = tint_openness;
+    seen.inside_from_eye = vec4<f32>(seen.from_eye, 1.0);
+    seen.inside_normal = normal;
+    seen.inside_tint_openness = tint_openness;
     return seen;
 }
 
 @fragment
 fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    let to_eye = normalize(view.eye.xyz - seen.point_world);
-    // The facet on the seen side.
-    var facet = normalize(cross(dpdx(seen.plane_world), dpdy(seen.plane_world)));
-    if dot(facet, to_eye) < 0.0 {
-        facet = -facet;
+    let facet = facet_normal(seen.from_eye, seen.clip.w);
+    // The centre is shaded, as in the twin, unless it lies so far beside the triangle that what is found there has
+    // nothing to do with it.
+    var from_eye = seen.from_eye;
+    var normal = safe_normal(seen.normal, facet, front);
+    var tint_openness = seen.tint_openness;
+    let inside_normal = safe_normal(seen.inside_normal, facet, front);
+    if dot(normal, inside_normal) < NEAR_ENOUGH {
+        from_eye = seen.inside_from_eye.xyz / seen.inside_from_eye.w;
+        normal = inside_normal;
+        tint_openness = seen.inside_tint_openness / seen.inside_from_eye.w;
     }
-    var normal = facet;
-    if dot(seen.normal, seen.normal) > 0.0 {
-        normal = normalize(seen.normal) * select(-1.0, 1.0, front);
-    }
-    let radiance = shade(normal, facet, to_eye, seen.point_world, seen.tint_openness);
+    let point_world = view.eye.xyz + from_eye;
+    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness);
     return vec4<f32>(min(max(radiance, vec3<f32>(0.0)) * light.exposure.x, vec3<f32>(BRIGHTEST)), 1.0);
+}
+
+fn safe_normal(interpolated: vec3<f32>, facet: vec3<f32>, front: bool) -> vec3<f32> {
+    if dot(interpolated, interpolated) == 0.0 {
+        return facet;
+    }
+    return normalize(interpolated) * select(-1.0, 1.0, front);
 }
 
 fn shade(

@@ -29,11 +29,7 @@ fn vertex(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> S
 
 @fragment
 fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
-    let to_eye = view.eye.xyz - seen.point_world;
-    var facet = normalize(cross(dpdx(seen.point_world), dpdy(seen.point_world)));
-    if dot(facet, to_eye) < 0.0 {
-        facet = -facet;
-    }
+    let facet = facet_normal(seen.point_world - view.eye.xyz, seen.clip.w);
     var normal = facet;
     if dot(seen.normal, seen.normal) > 0.0 {
         normal = normalize(seen.normal) * select(-1.0, 1.0, front);

@@ -63,6 +63,7 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         source!("shared/soft_light"),
         source!("shared/shadow_camera"),
         source!("shared/shadow_lookup"),
+        source!("shared/facet"),
         source!("compose/shade_object"),
     ],
     entries: &["vertex", "fragment", "surface_vertex", "surface_fragment"],
@@ -90,6 +91,7 @@ pub const SHADE_SURFACE: Kernel = Kernel {
         source!("shared/soft_light"),
         source!("shared/shadow_camera"),
         source!("shared/shadow_lookup"),
+        source!("shared/facet"),
         source!("compose/shade_surface"),
     ],
     entries: &["vertex", "fragment"],
@@ -132,12 +134,5 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 7] = [
-    &MERGE_BRACKET,
-    &PROJECT_SH,
-    &SHADOW_MAPS,
-    &SHADE_OBJECT,
-    &SHADE_SURFACE,
-    &COMPOSITE,
-    &TONEMAP,
-];
+pub const TABLE: [&Kernel; 7] =
+    [&MERGE_BRACKET, &PROJECT_SH, &SHADOW_MAPS, &SHADE_OBJECT, &SHADE_SURFACE, &COMPOSITE, &TONEMAP];

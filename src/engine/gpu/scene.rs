@@ -1,7 +1,8 @@
 //! The scene on the device: vertex and index buffers, uploaded when the scene changes.
 //!
 //! The rasteriser draws straight edges. Through a lens with distortion they should bow, so for such lenses
-//! long edges are halved until their bow is far below a pixel; through a pinhole the triangles stay as they are.
+//! edges that look long from the eye are halved until their bow is far below a pixel; through a pinhole the
+//! triangles stay as they are.
 
 use std::{collections::HashMap, ops::Range};
 
@@ -16,10 +17,15 @@ use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
 
 /// Bytes from one material to the next: the largest alignment that a device may ask for.
 pub const MATERIAL_STRIDE: usize = 256;
-/// About how many triangles a scene is cut into for a lens with distortion.
-const CUT_TRIANGLES: f32 = 60_000.0;
+/// Longest edge for a lens with distortion, as a share of its distance from the eye. The bow of an edge is
+/// about share^2 / 8 x focal length x curvature of the distortion: below 0.1 px for f = 800 px.
+const LONGEST_SHARE: f32 = 0.03;
 /// Shorter edges are never cut, metres.
-const SHORTEST_CUT_M: f32 = 0.01;
+const SHORTEST_CUT_M: f32 = 1e-3;
+/// Triangles at most after cutting.
+const MOST_TRIANGLES: usize = 400_000;
+/// The meshes are cut anew when the eye has moved by this share of its distance to the scene.
+const RECUT_SHARE: f32 = 0.1;
 
 /// Indexed triangles on the device.
 struct Mesh {
@@ -57,8 +63,8 @@ pub struct SceneBuffers {
     /// For each object its indices and its material.
     draws: Vec<(Range<u32>, u32)>,
     materials: GrowingBuffer,
-    /// Whether the meshes were cut for a lens with distortion; `None` before the first upload.
-    cut: Option<bool>,
+    /// Whether the scene is there, and the eye for which it was cut.
+    uploaded: Option<Option<Vec3>>,
     /// Boxes around objects and surfaces: low and high corner.
     boxes: Vec<(Vec3, Vec3)>,
 }
@@ -71,36 +77,42 @@ impl SceneBuffers {
             surfaces: Mesh::new(),
             draws: Vec::new(),
             materials: GrowingBuffer::uniform("materials"),
-            cut: None,
+            uploaded: None,
             boxes: Vec::new(),
         }
     }
 
     /// The next `update` uploads anew.
     pub fn invalidate(&mut self) {
-        self.cut = None;
+        self.uploaded = None;
     }
 
-    /// Uploads the scene unless it is there already, cut up where the lens has distortion.
+    /// Uploads the scene unless it is there already. `distorted_eye`: where the camera is, if its lens has
+    /// distortion.
     pub fn update(
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
         surfaces: &SurfaceGeometry,
-        distorted: bool,
+        distorted_eye: Option<Vec3>,
     ) {
-        if self.cut == Some(distorted) {
+        let good = match (self.uploaded, distorted_eye) {
+            (Some(None), None) => true,
+            (Some(Some(old)), Some(new)) => old.distance(new) <= RECUT_SHARE * self.near_m(new),
+            _ => false,
+        };
+        if good {
             return;
         }
         self.boxes.clear();
         self.boxes.extend(box_around(&objects.positions));
         self.boxes.extend(box_around(&surfaces.positions));
-        self.upload_objects(context, objects, distorted);
-        self.upload_surfaces(context, surfaces, distorted);
-        self.cut = Some(distorted);
+        self.upload_objects(context, objects, distorted_eye);
+        self.upload_surfaces(context, surfaces, distorted_eye);
+        self.uploaded = Some(distorted_eye);
     }
 
-    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, distorted: bool) {
+    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, eye: Option<Vec3>) {
         let vertices = objects.positions.iter().zip(&objects.normals).zip(&objects.tint_openness);
         let mut vertices: Vec<_> = vertices
             .map(|((position, normal), &tint_openness)| ObjectVertex {
@@ -111,8 +123,8 @@ impl SceneBuffers {
             .collect();
         let mut triangles: Vec<_> =
             objects.triangles.iter().copied().zip(objects.material_of_triangle.iter().copied()).collect();
-        if distorted {
-            triangles = cut_long_edges(&mut vertices, &triangles);
+        if let Some(eye) = eye {
+            triangles = cut_long_edges(&mut vertices, &triangles, eye);
         }
         self.draws.clear();
         for (number, &(_, material)) in (0u32..).zip(&triangles) {
@@ -138,7 +150,7 @@ impl SceneBuffers {
         self.materials.write(context, &bytes);
     }
 
-    fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, distorted: bool) {
+    fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, eye: Option<Vec3>) {
         let mut receives = vec![0.0f32; surfaces.positions.len()];
         // Surfaces share no vertices, so each vertex lies in triangles of one kind only.
         for (corners, &flag) in surfaces.triangles.iter().zip(&surfaces.receives) {
@@ -154,8 +166,8 @@ impl SceneBuffers {
             })
             .collect();
         let mut triangles: Vec<_> = surfaces.triangles.iter().map(|&corners| (corners, ())).collect();
-        if distorted {
-            triangles = cut_long_edges(&mut vertices, &triangles);
+        if let Some(eye) = eye {
+            triangles = cut_long_edges(&mut vertices, &triangles, eye);
         }
         let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
         self.surfaces.write(context, &vertices, &triangles);
@@ -201,11 +213,8 @@ impl SceneBuffers {
     /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
     /// may begin.
     pub fn near_m(&self, eye: Vec3) -> f32 {
-        let nearest = self
-            .boxes
-            .iter()
-            .map(|&(low, high)| (eye - eye.clamp(low, high)).length())
-            .fold(2.0, f32::min);
+        let nearest =
+            self.boxes.iter().map(|&(low, high)| (eye - eye.clamp(low, high)).length()).fold(2.0, f32::min);
         // Half of it: the depth is measured along the axis, not along the ray.
         (0.5 * nearest).clamp(1e-3, 1.0)
     }
@@ -255,21 +264,14 @@ impl Halve for SurfaceVertex {
     }
 }
 
-/// Halves every edge that is longer than a limit, the longest of a triangle first. Whether an edge is cut, and
-/// where, depends on the edge alone, so that neighbours stay without gaps. Pieces keep the order of their triangles.
+/// Halves every edge that looks longer than a limit from the eye, the longest of a triangle first. Whether an edge
+/// is cut, and where, depends on the edge alone, so that neighbours stay without gaps. Pieces keep the order of
+/// their triangles.
 fn cut_long_edges<V: Halve, T: Copy>(
     vertices: &mut Vec<V>,
     triangles: &[([u32; 3], T)],
+    eye: Vec3,
 ) -> Vec<([u32; 3], T)> {
-    let area: f32 = triangles
-        .iter()
-        .map(|(corners, _)| {
-            let [a, b, c] = corners.map(|i| vertices[i as usize].position());
-            0.5 * (b - a).cross(c - a).length()
-        })
-        .sum();
-    // Halving ends between one and a half of the limit: a piece has about a third of its square.
-    let limit_m = (3.0 * area / CUT_TRIANGLES).sqrt().max(SHORTEST_CUT_M);
     let mut middles = HashMap::new();
     let mut out = Vec::with_capacity(triangles.len());
     let mut open = Vec::new();
@@ -277,13 +279,15 @@ fn cut_long_edges<V: Halve, T: Copy>(
         open.push(corners);
         while let Some(corners) = open.pop() {
             let ends = |k: usize| (corners[k], corners[(k + 1) % 3]);
-            let length = |k: usize| {
+            // How many times too long an edge is.
+            let excess = |k: usize| {
                 let (a, b) = ends(k);
-                vertices[a as usize].position().distance(vertices[b as usize].position())
+                let (a, b) = (vertices[a.min(b) as usize].position(), vertices[a.max(b) as usize].position());
+                let limit_m = (LONGEST_SHARE * distance_to_segment(eye, a, b)).max(SHORTEST_CUT_M);
+                a.distance(b) / limit_m
             };
-            let longest = (0..3).fold(0, |best, k| if length(k) > length(best) { k } else { best });
-            let too_long = length(longest) > limit_m;
-            if !too_long || vertices.len() >= (u32::MAX / 2) as usize {
+            let longest = (0..3).fold(0, |best, k| if excess(k) > excess(best) { k } else { best });
+            if excess(longest) <= 1.0 || out.len() + open.len() >= MOST_TRIANGLES {
                 out.push((corners, tag));
                 continue;
             }
@@ -301,6 +305,12 @@ fn cut_long_edges<V: Halve, T: Copy>(
     out
 }
 
+fn distance_to_segment(p: Vec3, a: Vec3, b: Vec3) -> f32 {
+    let along = b - a;
+    let t = ((p - a).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    p.distance(a + t * along)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -312,9 +322,9 @@ mod tests {
     #[test]
     fn cutting_keeps_the_area_and_leaves_no_gap() {
         let mut vertices = vec![vertex(0.0, 0.0), vertex(3.0, 0.0), vertex(3.0, 1.0), vertex(0.0, 1.0)];
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)]);
-        assert!(cut.len() > 20_000 && cut.len() < 120_000, "{}", cut.len());
-        let limit_m = (3.0f32 * 3.0 / CUT_TRIANGLES).sqrt();
+        let eye = Vec3::new(1.0, 0.3, 0.4);
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], eye);
+        assert!(cut.len() > 3000 && cut.len() < 30_000, "{}", cut.len());
         let mut area = 0.0f64;
         let mut sides = HashMap::new();
         for (corners, _) in &cut {
@@ -323,24 +333,25 @@ mod tests {
             for k in 0..3 {
                 let (p, q) = (corners[k], corners[(k + 1) % 3]);
                 *sides.entry((p.min(q), p.max(q))).or_insert(0) += 1;
-                let length = vertices[p as usize].position().distance(vertices[q as usize].position());
-                assert!(length <= limit_m);
+                let (p, q) = (vertices[p as usize].position(), vertices[q as usize].position());
+                assert!(p.distance(q) <= 1.001 * LONGEST_SHARE * distance_to_segment(eye, p, q));
             }
         }
         assert!((area - 3.0).abs() < 1e-4, "{area}");
         // Every inner side belongs to two pieces; a gap would show as a side of one piece off the border.
         for ((p, q), count) in sides {
             let (p, q) = (vertices[p as usize].position(), vertices[q as usize].position());
-            let border = (p.x == q.x && (p.x == 0.0 || p.x == 3.0)) || (p.y == q.y && (p.y == 0.0 || p.y == 1.0));
+            let border =
+                (p.x == q.x && (p.x == 0.0 || p.x == 3.0)) || (p.y == q.y && (p.y == 0.0 || p.y == 1.0));
             assert_eq!(count, if border { 1 } else { 2 }, "{p} {q}");
         }
     }
 
     #[test]
-    fn short_edges_stay() {
-        let mut vertices = vec![vertex(0.0, 0.0), vertex(0.009, 0.0), vertex(0.0, 0.009)];
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())]);
-        assert_eq!((cut.len(), vertices.len()), (2, 4), "the diagonal of 12.7 mm is halved once");
+    fn edges_that_look_short_stay() {
+        let mut vertices = vec![vertex(0.0, 0.0), vertex(0.025, 0.0), vertex(0.0, 0.025)];
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())], Vec3::Z);
+        assert_eq!((cut.len(), vertices.len()), (2, 4), "only the diagonal of 35 mm at 1 m is halved");
     }
 
     #[test]

@@ -32,7 +32,8 @@ impl LensDomain {
             self.largest = match lens.distortion {
                 Distortion::None => f32::MAX,
                 Distortion::RadialTangential(_) => {
-                    let tangent = largest(LARGEST_TANGENT, |t, x, y| lens.project(DVec3::new(t * x, t * y, 1.0)));
+                    let tangent =
+                        largest(LARGEST_TANGENT, |t, x, y| lens.project(DVec3::new(t * x, t * y, 1.0)));
                     (tangent * tangent) as f32
                 }
                 Distortion::Equidistant(_) => {
@@ -78,7 +79,9 @@ pub fn view(lens: &Lens, domain: &mut LensDomain, view: &raster::View, near_m: f
     let f = |x: f64| x as f32;
     let (model, distortion, distortion_more) = match lens.distortion {
         Distortion::None => (0, [0.0; 4], [0.0; 4]),
-        Distortion::RadialTangential([a, b, c, d, e, g, h, i]) => (1, [a, b, c, d].map(f), [e, g, h, i].map(f)),
+        Distortion::RadialTangential([a, b, c, d, e, g, h, i]) => {
+            (1, [a, b, c, d].map(f), [e, g, h, i].map(f))
+        }
         Distortion::Equidistant(k) => (2, k.map(f), [0.0; 4]),
     };
     params::View {
