@@ -5,16 +5,18 @@
 mod golden;
 mod support;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use golden::{Entry, Precision, numbers};
 use halflight::compose::geometry::MaterialTerms;
 use halflight::compose::shade_object::{LightTerms, ObjectPoint, shade};
 use halflight::hdr::merge_bracket::merge_bracket;
+use halflight::light::project_sh::project_sh;
 use halflight::light::split::{Estimator, SplitOptions, factor, irradiance, split};
+use halflight::math::quadrature;
 use halflight::math::sh::{MAX_COEFFICIENTS, basis, zonal};
 use halflight::model::frame::Exposure;
 use halflight::model::image::{HdrImage, Image, LOWER_BOUND, UPPER_BOUND};
-use halflight::model::light::RadianceSh;
+use halflight::model::light::{RadianceSamples, RadianceSh};
 use halflight::model::response::Response;
 use halflight::model::scene::Material;
 
@@ -158,6 +160,25 @@ fn merging(entry: &Entry) {
     }
 }
 
+/// The kernel's fixed tree over samples, which is in f32.
+fn projection_kernel(entry: &Entry) {
+    let kappa = entry.number::<f64>("kappa");
+    let axis = DVec3::from(entry.direction::<f64>("axis"));
+    let mut samples = RadianceSamples::default();
+    // Degree 60 has converged long before f32's rounding.
+    for (direction, weight) in quadrature::sphere(60) {
+        let [x, y, z] = direction.map(|v| v as f32);
+        let lobe = (kappa * (DVec3::from(direction).dot(axis) - 1.0)).exp() as f32;
+        samples.directions.push([x, y, z, weight as f32]);
+        samples.radiance.push([lobe, 2.0 * lobe, 0.0, 0.0]);
+    }
+    let got = project_sh(&samples, entry.count("order"));
+    let channel = |c: usize, scale: f32| got.rows().iter().map(|row| row[c] / scale).collect::<Vec<_>>();
+    entry.check_key("sh", Some(&channel(0, 1.0)));
+    entry.check_key("sh", Some(&channel(1, 2.0)));
+    assert!(channel(2, 1.0).iter().all(|v| *v == 0.0), "{}: a dark channel stays dark", entry.id);
+}
+
 #[test]
 fn golden_stages() {
     let Some(shared) = support::shared("golden_stages") else { return };
@@ -166,5 +187,5 @@ fn golden_stages() {
         &[("factor", factorisation::<f64>, factorisation::<f32>), ("shade", shading::<f64>, shading::<f32>)],
         &[],
     );
-    golden::run_f32(&shared, &[("shade", shading_kernel), ("hdr", merging)]);
+    golden::run_f32(&shared, &[("shade", shading_kernel), ("hdr", merging), ("project", projection_kernel)]);
 }
