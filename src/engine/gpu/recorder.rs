@@ -182,11 +182,6 @@ impl<'a> Recorder<'a> {
         self.encoder.copy_buffer_to_buffer(from, 0, to, to_offset, bytes);
     }
 
-    /// Records other copies.
-    pub fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
-        &mut self.encoder
-    }
-
     /// Sends what is recorded so far; uploads that follow come after it.
     pub fn submit(&mut self) {
         let encoder = std::mem::replace(&mut self.encoder, encoder(self.context));
