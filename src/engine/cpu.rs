@@ -9,8 +9,11 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame},
     tonemap::ToneTable,
 };
+use crate::light::{project_sh, unwrap_ball::BallUnwrapper};
+use crate::math::sh::MAX_ORDER;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
+    light::RadianceSamples,
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -28,24 +31,24 @@ const TIMINGS_KEPT: usize = 256;
 pub struct CpuEngine {
     pool: rayon::ThreadPool,
     work: Work,
+    unwrapper: BallUnwrapper,
+    light_samples: RadianceSamples,
     timings: Vec<PassTiming>,
 }
 
 /// Scene and memory of the engine; everything here is reused from frame to frame.
 #[derive(Default)]
-struct Work {
-    objects: ObjectGeometry,
-    surfaces: SurfaceGeometry,
+pub(super) struct Work {
+    pub(super) objects: ObjectGeometry,
+    pub(super) surfaces: SurfaceGeometry,
     rays: Rays,
     seen_objects: Projected,
     seen_surfaces: Projected,
     samples: Vec<Sample>,
-    shadow_map: ShadowMap,
-    object_layer: Image<[f32; 4]>,
-    ratio: RadianceImage,
+    pub(super) shadow_map: ShadowMap,
+    pub(super) object_layer: Image<[f32; 4]>,
+    pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
-    /// The surfaces have not been projected yet in this frame.
-    project_needed: bool,
 }
 
 impl CpuEngine {
@@ -59,7 +62,13 @@ impl CpuEngine {
             .thread_name(|i| format!("engine-{i}"))
             .build()
             .map_err(|e| EngineError::Input(format!("the engine's threads could not be started: {e}")))?;
-        Ok(Self { pool, work: Work::default(), timings: Vec::with_capacity(TIMINGS_KEPT) })
+        Ok(Self {
+            pool,
+            work: Work::default(),
+            unwrapper: BallUnwrapper::new(),
+            light_samples: RadianceSamples::default(),
+            timings: Vec::with_capacity(TIMINGS_KEPT),
+        })
     }
 }
 
@@ -69,8 +78,7 @@ impl Engine for CpuEngine {
     }
 
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
-        self.work.objects.load(scene);
-        self.work.surfaces.load(&scene.surfaces);
+        self.work.load(scene);
         Ok(())
     }
 
@@ -90,10 +98,34 @@ impl Engine for CpuEngine {
 
     fn estimate_light(
         &mut self,
-        _job: &LightJob<'_>,
-        _quality: &Quality,
+        job: &LightJob<'_>,
+        quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        Err(EngineError::Input("reading the light is not built yet".into()))
+        if !(1..=MAX_ORDER).contains(&quality.sh_order) {
+            return Err(EngineError::Input(format!(
+                "quality.sh_order = {}: must be within 1..={MAX_ORDER}",
+                quality.sh_order
+            )));
+        }
+        let (unwrapper, samples) = (&mut self.unwrapper, &mut self.light_samples);
+        let flags = match job {
+            LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                timed(&mut self.timings, Pass::UnwrapBall, || {
+                    self.pool.install(|| {
+                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
+                    })
+                })
+                .map_err(|e| EngineError::Input(e.to_string()))?
+            }
+            LightJob::Map(_) => {
+                return Err(EngineError::Input("environment pictures are not read yet".into()));
+            }
+        };
+        let samples = &*samples;
+        let total = timed(&mut self.timings, Pass::ProjectSh, || {
+            self.pool.install(|| project_sh::project_sh(samples, quality.sh_order))
+        });
+        Ok(MeasuredLight { total, flags })
     }
 
     fn relight(
@@ -127,7 +159,7 @@ fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T)
 }
 
 /// Whether the parts of a frame fit together.
-fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
+pub(super) fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
     let refuse = |what: String| Err(EngineError::Input(what));
     let (lens, background) = (input.lens, &input.background.radiance);
     if (lens.width as usize, lens.height as usize) != (background.width(), background.height()) {
@@ -164,6 +196,11 @@ fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> 
 }
 
 impl Work {
+    pub(super) fn load(&mut self, scene: &Scene) {
+        self.objects.load(scene);
+        self.surfaces.load(&scene.surfaces);
+    }
+
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
     /// counts as absent: no object layer, no ratio, no shadow. Merging and reading the light have their own calls.
     fn relight(
@@ -176,7 +213,6 @@ impl Work {
         let light = LightTerms::of(input.light);
         let view = View::of(input.world_from_camera);
         let mut shadow = None;
-        self.project_needed = true;
         let (mut objects_drawn, mut ratio_drawn) = (false, false);
         out.t = input.t;
         for planned in &plan.passes {
@@ -209,15 +245,19 @@ impl Work {
         }
     }
 
-    fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+    pub(super) fn shadow_camera(&self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
         let objects = &self.objects;
         let casters = objects.triangles.iter().flatten().map(|&i| objects.positions[i as usize]);
-        let camera = ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)?;
-        self.shadow_map.draw(&camera, &objects.positions, &objects.triangles);
+        ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)
+    }
+
+    pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+        let camera = self.shadow_camera(light, quality)?;
+        self.shadow_map.draw(&camera, &self.objects.positions, &self.objects.triangles);
         Some(camera)
     }
 
-    fn shade_object(
+    pub(super) fn shade_object(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -246,7 +286,7 @@ impl Work {
         );
     }
 
-    fn shade_surface(
+    pub(super) fn shade_surface(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -275,16 +315,20 @@ impl Work {
         );
     }
 
-    /// Real surfaces through the lens, for the first pass of a frame that asks.
+    /// Real surfaces through the lens. Each pass that needs them does so itself: passes do not lean on each other.
     fn project_surfaces(&mut self, input: &RelightInput<'_>, view: &View, quality: &Quality) {
         self.rays.update(input.lens, quality.coverage_samples);
-        if std::mem::take(&mut self.project_needed) {
-            let surfaces = &self.surfaces;
-            self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
-        }
+        let surfaces = &self.surfaces;
+        self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
     }
 
-    fn composite(&self, input: &RelightInput<'_>, objects: bool, ratios: bool, out: &mut RadianceImage) {
+    pub(super) fn composite(
+        &self,
+        input: &RelightInput<'_>,
+        objects: bool,
+        ratios: bool,
+        out: &mut RadianceImage,
+    ) {
         let background = &input.background.radiance;
         let width = background.width();
         out.reshape(width, background.height(), [0.0; 3]);
@@ -300,7 +344,7 @@ impl Work {
         });
     }
 
-    fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+    pub(super) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
         let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
         table.update(input.response);
         let (width, height) = (out.radiance.width(), out.radiance.height());
