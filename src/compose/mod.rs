@@ -1,6 +1,7 @@
 //! Light onto surfaces, and virtual onto real.
 
 pub mod composite;
+pub mod geometry;
 pub mod raster;
 pub mod shade_object;
 pub mod shade_surface;

@@ -1,1 +1,80 @@
-//! (placeholder until this room is built)
+//! Back through the camera's response to 8 bits. Twin: `shaders/compose/tonemap.wgsl`.
+
+use crate::model::response::Response;
+
+/// Cells an octave of the start table: 2^CELL_BITS.
+const CELL_BITS: u32 = 5;
+/// Bits of a f32 below its cell.
+const CELL_SHIFT: u32 = 23 - CELL_BITS;
+/// Cells of the start table: 64 octaves, far more than 8 bits span in any response.
+const CELLS: usize = 64 << CELL_BITS;
+
+/// A response turned round: for each channel the exposures at which the rounded value steps up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToneTable {
+    response: Response,
+    /// `thresholds[c][z]`: exposure at which `Response::value_of` passes z + 1/2; never decreasing. The last is infinite.
+    pub thresholds: [[f32; 256]; 3],
+    /// For each cell of exposures, the value at its lower end.
+    starts: Vec<[u8; 3]>,
+    first_cell: u32,
+}
+
+impl ToneTable {
+    /// Of a response. Between its entries a response is linear in exposure, so that value z + 1/2 lies half way.
+    pub fn of(response: &Response) -> Self {
+        let mut table = Self {
+            response: response.clone(),
+            thresholds: [[f32::INFINITY; 256]; 3],
+            starts: vec![[0; 3]; CELLS],
+            first_cell: 0,
+        };
+        table.fill();
+        table
+    }
+
+    /// Takes another response; free where it is the same one.
+    pub fn update(&mut self, response: &Response) {
+        if self.response != *response {
+            self.response.clone_from(response);
+            self.fill();
+        }
+    }
+
+    fn fill(&mut self) {
+        for (thresholds, g) in self.thresholds.iter_mut().zip(self.response.log_exposure()) {
+            for z in 0..255 {
+                thresholds[z] = (0.5 * (f64::from(g[z]).exp() + f64::from(g[z + 1]).exp())) as f32;
+            }
+            thresholds[255] = f32::INFINITY;
+        }
+        // The table starts at the cell of the smallest threshold that is a normal number.
+        let lowest = self.thresholds.iter().map(|t| t[0]).fold(f32::INFINITY, f32::min);
+        self.first_cell = lowest.max(f32::MIN_POSITIVE).min(1e30).to_bits() >> CELL_SHIFT;
+        for (k, starts) in self.starts.iter_mut().enumerate() {
+            let bits = (self.first_cell + k as u32) << CELL_SHIFT;
+            let low = f32::from_bits(bits.min(f32::MAX.to_bits()));
+            for (start, thresholds) in starts.iter_mut().zip(&self.thresholds) {
+                *start = thresholds.partition_point(|&t| t <= low).min(255) as u8;
+            }
+        }
+    }
+
+    /// The 8-bit value of an exposure in a channel: `Response::value_of` rounded (half up), but for exposures
+    /// within rounding of a step. Never decreases; not a number or negative gives 0.
+    /// The GPU finds the same count of thresholds at or below the exposure by halving.
+    pub fn value(&self, channel: usize, exposure: f32) -> u8 {
+        let thresholds = &self.thresholds[channel];
+        if exposure.is_nan() || exposure <= 0.0 {
+            return 0;
+        }
+        let mut z = match (exposure.to_bits() >> CELL_SHIFT).checked_sub(self.first_cell) {
+            Some(cell) => self.starts[(cell as usize).min(CELLS - 1)][channel],
+            None => 0,
+        };
+        while z < 255 && thresholds[z as usize] <= exposure {
+            z += 1;
+        }
+        z
+    }
+}

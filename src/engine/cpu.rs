@@ -1,1 +1,355 @@
-//! (placeholder until this room is built)
+//! The CPU twins in order: the readable description of one frame.
+
+use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
+use crate::compose::{
+    composite,
+    geometry::{ObjectGeometry, SurfaceGeometry},
+    raster::{Fragment, Raster, Rays, View},
+    shade_object::{self, LightTerms, ObjectPoint},
+    shade_surface::{self, SurfaceFrame, SurfaceHit},
+    tonemap::ToneTable,
+};
+use crate::math::bvh::Bvh;
+use crate::model::{
+    image::{HdrImage, Image, RadianceImage},
+    picture::Picture,
+    quality::Quality,
+    response::Response,
+    scene::Scene,
+};
+use crate::plan::{FramePlan, Pass, PassTiming};
+use crate::visibility::shadow_maps::{self, ShadowCamera, ShadowMap};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Real surfaces hide an object only if they are nearer by more than this share of the distance, so that
+/// what stands on a surface is not hidden by it.
+pub const CONTACT_SHARE: f32 = 1e-4;
+/// Timings kept until somebody takes them.
+const TIMINGS_KEPT: usize = 256;
+
+/// The engine that needs nothing but the processor. Its results do not depend on the number of threads.
+pub struct CpuEngine {
+    pool: rayon::ThreadPool,
+    work: Work,
+    timings: Vec<PassTiming>,
+}
+
+/// Scene and memory of the engine; everything here is reused from frame to frame.
+#[derive(Default)]
+struct Work {
+    objects: ObjectGeometry,
+    surfaces: SurfaceGeometry,
+    bvh: Option<Bvh>,
+    rays: Rays,
+    raster: Raster,
+    shadow_map: ShadowMap,
+    object_layer: Image<[f32; 4]>,
+    ratio: RadianceImage,
+    tone: Option<ToneTable>,
+}
+
+impl CpuEngine {
+    /// An engine with its own pool of so many threads; `None`: one for each core.
+    pub fn new(threads: Option<usize>) -> Result<Self, EngineError> {
+        if threads == Some(0) {
+            return Err(EngineError::Input("threads = 0: must be 1 or more".into()));
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.unwrap_or(0))
+            .thread_name(|i| format!("engine-{i}"))
+            .build()
+            .map_err(|e| EngineError::Input(format!("the engine's threads could not be started: {e}")))?;
+        Ok(Self { pool, work: Work::default(), timings: Vec::with_capacity(TIMINGS_KEPT) })
+    }
+}
+
+impl Engine for CpuEngine {
+    fn description(&self) -> String {
+        format!("cpu, {} threads", self.pool.current_num_threads())
+    }
+
+    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        self.work.objects.load(scene);
+        self.work.surfaces.load(&scene.surfaces);
+        let surfaces = &self.work.surfaces;
+        self.work.bvh =
+            (!surfaces.triangles.is_empty()).then(|| Bvh::build(&surfaces.positions, &surfaces.triangles));
+        Ok(())
+    }
+
+    fn merge_bracket(
+        &mut self,
+        bracket: &Bracket<'_>,
+        response: &Response,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError> {
+        let _ = (bracket, response, out);
+        Err(EngineError::Input("merging is not wired yet".into()))
+    }
+
+    fn estimate_light(
+        &mut self,
+        _job: &LightJob<'_>,
+        _quality: &Quality,
+    ) -> Result<MeasuredLight, EngineError> {
+        Err(EngineError::Input("reading the light is not built yet".into()))
+    }
+
+    fn relight(
+        &mut self,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<(), EngineError> {
+        check(plan, input)?;
+        let (work, timings) = (&mut self.work, &mut self.timings);
+        self.pool.install(|| work.relight(plan, input, timings, out));
+        Ok(())
+    }
+
+    fn take_timings(&mut self, out: &mut Vec<PassTiming>) {
+        out.clear();
+        out.append(&mut self.timings);
+    }
+}
+
+/// Runs one pass and notes how long it took.
+#[allow(clippy::disallowed_methods, reason = "an engine times its passes; nothing else depends on it")]
+fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T) -> T {
+    let start = std::time::Instant::now();
+    let result = work();
+    if timings.len() >= TIMINGS_KEPT {
+        timings.remove(0);
+    }
+    timings.push(PassTiming { pass, ms: start.elapsed().as_secs_f32() * 1e3 });
+    result
+}
+
+/// Whether the parts of a frame fit together.
+fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
+    let refuse = |what: String| Err(EngineError::Input(what));
+    let (lens, background) = (input.lens, &input.background.radiance);
+    if (lens.width as usize, lens.height as usize) != (background.width(), background.height()) {
+        return refuse(format!(
+            "relight: the lens is for {} x {} pixels, the picture has {} x {}",
+            lens.width,
+            lens.height,
+            background.width(),
+            background.height()
+        ));
+    }
+    let pose = input.world_from_camera;
+    if !(pose.translation.is_finite() && pose.rotation.is_finite()) {
+        return refuse(format!("relight: the camera's pose is not finite: {pose:?}"));
+    }
+    let exposure_s = input.shown_exposure.effective_s();
+    if !(exposure_s.is_finite() && exposure_s > 0.0) {
+        return refuse(format!("relight: shown exposure = {exposure_s} s: must be above 0"));
+    }
+    let quality = &plan.quality;
+    if !(64..=4096).contains(&quality.shadow_map_texels) {
+        return refuse(format!(
+            "quality.shadow_map_texels = {}: must be within 64..=4096",
+            quality.shadow_map_texels
+        ));
+    }
+    if !(1..=8).contains(&quality.pcf_taps) {
+        return refuse(format!("quality.pcf_taps = {}: must be within 1..=8", quality.pcf_taps));
+    }
+    if ![1, 4].contains(&quality.coverage_samples) {
+        return refuse(format!("quality.coverage_samples = {}: must be 1 or 4", quality.coverage_samples));
+    }
+    Ok(())
+}
+
+impl Work {
+    /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
+    /// counts as absent: no object layer, no ratio, no shadow. Merging and reading the light have their own calls.
+    fn relight(
+        &mut self,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        timings: &mut Vec<PassTiming>,
+        out: &mut Picture,
+    ) {
+        let light = LightTerms::of(input.light);
+        let view = View::of(input.world_from_camera);
+        let mut shadow = None;
+        let (mut objects_drawn, mut ratio_drawn) = (false, false);
+        out.t = input.t;
+        for planned in &plan.passes {
+            match planned.pass {
+                Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
+                Pass::ShadowMaps => {
+                    shadow = timed(timings, planned.pass, || self.shadow_maps(&light, &plan.quality));
+                }
+                Pass::ShadeObject => {
+                    timed(timings, planned.pass, || {
+                        self.shade_object(input, &view, &light, shadow.as_ref(), &plan.quality);
+                    });
+                    objects_drawn = true;
+                }
+                Pass::ShadeSurface => {
+                    if let Some(camera) = &shadow {
+                        timed(timings, planned.pass, || {
+                            self.shade_surface(input, &view, &light, camera, &plan.quality);
+                        });
+                        ratio_drawn = true;
+                    }
+                }
+                Pass::Composite => {
+                    timed(timings, planned.pass, || {
+                        self.composite(input, objects_drawn, ratio_drawn, &mut out.radiance);
+                    });
+                }
+                Pass::Tonemap => timed(timings, planned.pass, || self.tonemap(input, out)),
+            }
+        }
+    }
+
+    fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+        let objects = &self.objects;
+        let casters = objects.triangles.iter().flatten().map(|&i| objects.positions[i as usize]);
+        let camera = ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)?;
+        self.shadow_map.draw(&camera, &objects.positions, &objects.triangles);
+        Some(camera)
+    }
+
+    fn shade_object(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        shadow: Option<&ShadowCamera>,
+        quality: &Quality,
+    ) {
+        self.rays.update(input.lens, quality.coverage_samples);
+        let (objects, bvh, map) = (&self.objects, self.bvh.as_ref(), self.shadow_map.depth());
+        let hidden = |ray: Vec3, distance_m: f32| {
+            bvh.is_some_and(|b| b.occluded(view.eye, ray, 0.0, distance_m * (1.0 - CONTACT_SHARE)))
+        };
+        let shade = |fragment: &Fragment| {
+            let point = object_point(objects, fragment, light, |p, cosine| {
+                shadow.map_or(1.0, |c| shadow_maps::visibility(map, c, quality.pcf_taps, p, cosine))
+            });
+            let material = objects.material_of_triangle[fragment.triangle];
+            shade_object::shade(light, &objects.materials[material as usize], &point)
+        };
+        self.raster.draw(&self.rays, view, objects, hidden, shade, &mut self.object_layer);
+    }
+
+    fn shade_surface(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        camera: &ShadowCamera,
+        quality: &Quality,
+    ) {
+        self.rays.update(input.lens, quality.coverage_samples);
+        let (width, height) = (self.rays.width(), self.rays.height());
+        self.ratio.reshape(width, height, [1.0; 3]);
+        let frame = SurfaceFrame {
+            light,
+            camera,
+            map: self.shadow_map.depth(),
+            pcf_taps: quality.pcf_taps,
+            eye: view.eye,
+        };
+        let (surfaces, bvh) = (&self.surfaces, self.bvh.as_ref());
+        let nearest = |ray: Vec3, longest_m: f32| surface_hit(surfaces, bvh?, view.eye, ray, longest_m);
+        let rows = self.ratio.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(self.rays.centres().par_chunks(width.max(1))).for_each(|(ratios, rays)| {
+            for (ratio, &ray) in ratios.iter_mut().zip(rays) {
+                *ratio = shade_surface::pixel(&frame, view.world_from_camera * ray, nearest);
+            }
+        });
+    }
+
+    fn composite(&self, input: &RelightInput<'_>, objects: bool, ratios: bool, out: &mut RadianceImage) {
+        let background = &input.background.radiance;
+        let width = background.width();
+        out.reshape(width, background.height(), [0.0; 3]);
+        let (layer, ratio) = (self.object_layer.pixels(), self.ratio.pixels());
+        let rows = out.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(background.pixels().par_chunks(width.max(1))).enumerate().for_each(|(y, (out, row))| {
+            for (x, (out, &below)) in out.iter_mut().zip(row).enumerate() {
+                let i = y * width + x;
+                let ratio = if ratios { ratio[i] } else { [1.0; 3] };
+                let object = if objects { layer[i] } else { [0.0; 4] };
+                *out = composite::over(below, ratio, object);
+            }
+        });
+    }
+
+    fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+        let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
+        table.update(input.response);
+        let (width, height) = (out.radiance.width(), out.radiance.height());
+        out.display.reshape(width, height, [0; 3]);
+        let exposure_s = input.shown_exposure.effective_s() as f32;
+        let rows = out.display.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(out.radiance.pixels().par_chunks(width.max(1))).for_each(|(display, radiance)| {
+            for (display, radiance) in display.iter_mut().zip(radiance) {
+                *display = std::array::from_fn(|c| table.value(c, radiance[c] * exposure_s));
+            }
+        });
+    }
+}
+
+/// Interpolates what shading needs at a fragment. Backs of open meshes are shaded like fronts.
+fn object_point(
+    objects: &ObjectGeometry,
+    fragment: &Fragment,
+    light: &LightTerms,
+    visibility: impl Fn(Vec3, f32) -> f32,
+) -> ObjectPoint {
+    let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
+    let weights = fragment.barycentric;
+    let mut normal = Vec3::ZERO;
+    let mut tint_openness = [0.0f32; 4];
+    for (&i, w) in corners.iter().zip(weights) {
+        normal += w * objects.normals[i];
+        for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {
+            *slot += w * c;
+        }
+    }
+    let facet = objects.facet_normals[fragment.triangle];
+    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
+    let facet = side * facet;
+    let normal = side * normal.normalize_or(side * facet);
+    let to_light = Vec3::from(light.to_light_world);
+    let cosine = normal.dot(to_light);
+    // Turned away: fully shadowed, no look-up. The bias follows the facet, which may lean further from the
+    // light than the interpolated normal.
+    let visibility =
+        if cosine > 0.0 { visibility(fragment.point_world, cosine.min(facet.dot(to_light))) } else { 0.0 };
+    ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness, visibility }
+}
+
+/// The nearest real surface along a ray, its normals turned to the seen side.
+fn surface_hit(
+    surfaces: &SurfaceGeometry,
+    bvh: &Bvh,
+    eye: Vec3,
+    ray: Vec3,
+    longest_m: f32,
+) -> Option<SurfaceHit> {
+    if ray == Vec3::ZERO {
+        return None;
+    }
+    let hit = bvh.intersect(eye, ray, 0.0, longest_m)?;
+    let triangle = hit.triangle as usize;
+    let corners = surfaces.triangles[triangle];
+    let facet = surfaces.facet_normals[triangle];
+    let side = if facet.dot(ray) > 0.0 { -1.0 } else { 1.0 };
+    let normal: Vec3 =
+        corners.iter().zip(hit.barycentric).map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
+    Some(SurfaceHit {
+        distance_m: hit.t,
+        normal: side * normal.normalize_or(facet),
+        facet_normal: side * facet,
+        receives: surfaces.receives[triangle],
+    })
+}

@@ -1,9 +1,11 @@
 //! Layer 0: total functions of numbers. No input or output, no clock, no `unsafe`.
 
 pub mod bvh;
+pub mod charts;
 pub mod color;
 pub mod lens;
 pub mod pose;
+pub mod quadrature;
 pub mod sh;
 pub mod solve;
 pub mod sphere;

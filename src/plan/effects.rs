@@ -1,1 +1,189 @@
-//! (placeholder until this room is built)
+//! What a frame needs, decided from what there is: objects, light, camera and what the caller wants.
+
+use super::{FramePlan, Pass, PlannedPass};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    light::SplitLight,
+    quality::Quality,
+    scene::{Scene, VirtualObject},
+};
+use glam::{DVec2, DVec3, Vec3};
+
+/// What the caller does with this frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Occasion<'a> {
+    /// A bracket is to be merged.
+    pub merge: bool,
+    /// The light is to be read from a ball in the picture.
+    pub ball: bool,
+    /// Directions with radiance are to be projected to SH (a ball or an environment picture).
+    pub project: bool,
+    /// A picture is to be drawn.
+    pub draw: bool,
+    /// The picture is to be shown: 8 bits through the camera's response.
+    pub display: bool,
+    /// Lens and pose; objects that it cannot see are not shaded. `None`: everything may be seen.
+    pub camera: Option<(&'a Lens, &'a Pose)>,
+}
+
+impl Occasion<'_> {
+    /// A picture drawn and shown with light that is known already.
+    pub const SHOW: Self =
+        Self { merge: false, ball: false, project: false, draw: true, display: true, camera: None };
+}
+
+/// Writes the passes of one frame into `out` (memory is reused): each that the frame calls for with its
+/// reason, and each left out with its reason.
+///
+/// * `ShadowMaps`: a directional light with E_d > 0, an object that can cast, and something lit to cast on:
+///   an object in view, or a receiving surface that faces the light.
+/// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces the light.
+/// * `ShadeObject`: an object is in view.
+/// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
+pub fn plan(
+    occasion: &Occasion<'_>,
+    scene: &Scene,
+    light: &SplitLight,
+    quality: &Quality,
+    out: &mut FramePlan,
+) {
+    out.passes.clear();
+    out.left_out.clear();
+    out.passes.reserve(Pass::ALL.len());
+    out.left_out.reserve(Pass::ALL.len());
+    out.quality = *quality;
+
+    let draw = occasion.draw;
+    let objects = scene.objects.iter().any(|o| !o.mesh.triangles.is_empty());
+    let seen = objects
+        && occasion.camera.is_none_or(|(lens, pose)| {
+            let cone = ViewCone::new(lens, pose);
+            scene.objects.iter().any(|o| cone.may_see(o))
+        });
+    let direct = light
+        .direct
+        .filter(|d| d.irradiance_rgb.iter().any(|&e| e > 0.0 && e.is_finite()))
+        .map(|d| Vec3::from(d.to_light_world));
+    let receivers = scene.surfaces.iter().any(|s| s.receives_shadow);
+    let faces =
+        direct.is_some_and(|w| scene.surfaces.iter().any(|s| s.receives_shadow && faces_light(&s.mesh, w)));
+
+    let mut decide = |pass: Pass, why: Result<&'static str, &'static str>| match why {
+        Ok(reason) => out.passes.push(PlannedPass { pass, reason }),
+        Err(reason) => out.left_out.push(PlannedPass { pass, reason }),
+    };
+    let asked = |wanted: bool, yes: &'static str, no: &'static str| if wanted { Ok(yes) } else { Err(no) };
+
+    decide(Pass::MergeBracket, asked(occasion.merge, "a bracket came in", "no bracket to merge"));
+    decide(
+        Pass::UnwrapBall,
+        asked(occasion.ball, "the light is read from the ball", "the light is not read from a ball now"),
+    );
+    decide(
+        Pass::ProjectSh,
+        asked(occasion.project || occasion.ball, "measured light becomes SH", "no light is measured now"),
+    );
+    let shadows = if !draw {
+        Err("no picture is drawn")
+    } else if !objects {
+        Err("no virtual object casts a shadow")
+    } else if direct.is_none() {
+        Err("no directional light")
+    } else if seen {
+        Ok("virtual objects in view stand in directional light")
+    } else if faces {
+        Ok("shadows of objects out of view fall on real surfaces")
+    } else {
+        Err("the directional light reaches nothing in view")
+    };
+    decide(Pass::ShadowMaps, shadows);
+    let shade = if !draw {
+        Err("no picture is drawn")
+    } else if !objects {
+        Err("no virtual object")
+    } else if !seen {
+        Err("every virtual object is out of view")
+    } else {
+        Ok("virtual objects are in view")
+    };
+    decide(Pass::ShadeObject, shade);
+    let surface = if shadows.is_err() {
+        shadows
+    } else if !receivers {
+        Err("no real surface receives shadows")
+    } else if !faces {
+        Err("the directional light is below every receiving surface")
+    } else {
+        Ok("a receiving surface faces the directional light")
+    };
+    decide(Pass::ShadeSurface, surface);
+    decide(Pass::Composite, asked(draw, "a picture is drawn", "no picture is drawn"));
+    decide(
+        Pass::Tonemap,
+        asked(draw && occasion.display, "the picture is shown", "no display output is wanted"),
+    );
+}
+
+/// Whether light from `to_light` falls on the front of some triangle of a mesh in the world frame.
+fn faces_light(mesh: &crate::model::scene::Mesh, to_light: Vec3) -> bool {
+    mesh.triangles.iter().any(|t| {
+        let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize)) else { return false };
+        let normal = (*b - *a).cross(*c - *a);
+        normal.dot(to_light) > 0.0
+    })
+}
+
+/// A cone around the camera's axis that holds the whole picture.
+struct ViewCone {
+    eye: DVec3,
+    axis: DVec3,
+    half_angle_rad: f64,
+}
+
+impl ViewCone {
+    fn new(lens: &Lens, world_from_camera: &Pose) -> Self {
+        let (w, h) = (f64::from(lens.width), f64::from(lens.height));
+        // The widest rays of a picture lie on its border.
+        let mut half_angle_rad = 0.0f64;
+        for k in 0..=8 {
+            let t = f64::from(k) / 8.0;
+            for p in [(t * w, 0.0), (t * w, h), (0.0, t * h), (w, t * h)] {
+                let angle = lens
+                    .unproject(DVec2::new(p.0, p.1))
+                    .map_or(std::f64::consts::PI, |d| d.z.clamp(-1.0, 1.0).acos());
+                half_angle_rad = half_angle_rad.max(angle);
+            }
+        }
+        Self {
+            eye: world_from_camera.translation,
+            axis: world_from_camera.rotate(DVec3::Z),
+            half_angle_rad: half_angle_rad + 0.01,
+        }
+    }
+
+    /// Whether the bounding sphere of an object reaches into the cone.
+    fn may_see(&self, object: &VirtualObject) -> bool {
+        let mut low = Vec3::INFINITY;
+        let mut high = Vec3::NEG_INFINITY;
+        for &p in &object.mesh.positions {
+            low = low.min(p);
+            high = high.max(p);
+        }
+        if !(low.is_finite() && high.is_finite()) {
+            return false;
+        }
+        let to_world = object.world_from_object;
+        let centre = to_world.transform_point3(0.5 * (low + high));
+        let half = 0.5 * (high - low);
+        let m = to_world.matrix3;
+        let reach = Vec3::from(m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z);
+        let radius_m = f64::from(reach.length());
+        let to_centre = centre.as_dvec3() - self.eye;
+        let distance_m = to_centre.length();
+        if distance_m <= radius_m {
+            return true;
+        }
+        let off_axis = self.axis.dot(to_centre / distance_m).clamp(-1.0, 1.0).acos();
+        off_axis <= self.half_angle_rad + (radius_m / distance_m).asin()
+    }
+}

@@ -1,0 +1,72 @@
+//! PNG and JPEG, through the image crate, under our size limits.
+
+use super::{MAX_PIXELS, MAX_SIDE, check_size};
+use crate::{
+    assets::error::AssetError,
+    model::image::{Image, RadianceImage, Rgb8Image},
+};
+use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};
+use std::{io::Cursor, path::Path};
+
+fn open(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, AssetError> {
+    let failed = |e: image::ImageError| AssetError::new(file, format!("decode {format:?}")).cause(e);
+    let reader = || {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE as u32);
+        limits.max_image_height = Some(MAX_SIDE as u32);
+        // 16-bit RGBA takes 8 bytes a pixel.
+        limits.max_alloc = Some(8 * MAX_PIXELS as u64);
+        reader.limits(limits);
+        reader
+    };
+    let (width, height) = reader().into_dimensions().map_err(failed)?;
+    check_size(file, width as usize, height as usize)?;
+    reader().decode().map_err(failed)
+}
+
+fn sized<P: Clone>(file: &Path, width: u32, height: u32, pixels: Vec<P>) -> Result<Image<P>, AssetError> {
+    let found = pixels.len();
+    Image::from_pixels(width as usize, height as usize, pixels).ok_or_else(|| {
+        AssetError::new(file, "number of pixels").value(found).allowed(format!("{width} x {height}"))
+    })
+}
+
+/// Decodes to 8-bit RGB.
+pub fn rgb8(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<Rgb8Image, AssetError> {
+    let picture = open(file, bytes, format)?.into_rgb8();
+    let (width, height) = picture.dimensions();
+    sized(file, width, height, picture.pixels().map(|p| p.0).collect())
+}
+
+/// Decodes to 8-bit grey.
+pub fn gray8(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<Image<u8>, AssetError> {
+    let picture = open(file, bytes, format)?.into_luma8();
+    let (width, height) = picture.dimensions();
+    sized(file, width, height, picture.into_raw())
+}
+
+/// Decodes to RGB within 0 to 1 and linearises each channel (16-bit files keep their precision).
+pub fn linear(
+    file: &Path,
+    bytes: &[u8],
+    format: ImageFormat,
+    decode: impl Fn(f32) -> f32,
+) -> Result<RadianceImage, AssetError> {
+    let picture = open(file, bytes, format)?.into_rgb32f();
+    let (width, height) = picture.dimensions();
+    sized(file, width, height, picture.pixels().map(|p| p.0.map(&decode)).collect())
+}
+
+/// Writes 8-bit samples as PNG.
+pub fn save(
+    file: &Path,
+    samples: &[u8],
+    width: usize,
+    height: usize,
+    color: ExtendedColorType,
+) -> Result<(), AssetError> {
+    check_size(file, width, height)?;
+    image::save_buffer_with_format(file, samples, width as u32, height as u32, color, ImageFormat::Png)
+        .map_err(|e| AssetError::new(file, "write PNG").cause(e))
+}
