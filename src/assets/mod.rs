@@ -6,5 +6,6 @@ pub mod dds;
 pub mod error;
 pub mod gltf;
 pub mod pictures;
+pub mod response;
 pub mod scene;
 pub mod shapes;

@@ -10,6 +10,7 @@ use crate::pipeline::{
     event::{FrameSink, RunCounts, run as run_events},
     feed::{Lockstep, Realtime},
 };
+use crate::plan::PassTiming;
 use std::path::Path;
 
 /// A pipeline with the source that feeds it.
@@ -82,8 +83,12 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
 }
 
 /// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.
-pub fn run(mut prepared: Prepared, settings: &Settings, sink: &mut dyn FrameSink) -> Result<RunCounts, PipelineError> {
-    match settings.mode {
+pub fn run(
+    mut prepared: Prepared,
+    settings: &Settings,
+    sink: &mut dyn FrameSink,
+) -> Result<(RunCounts, Vec<PassTiming>), PipelineError> {
+    let counts = match settings.mode {
         RunMode::Lockstep => {
             let mut clock = ManualClock::default();
             let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
@@ -95,7 +100,8 @@ pub fn run(mut prepared: Prepared, settings: &Settings, sink: &mut dyn FrameSink
             let mut feed = Realtime::start(prepared.source, Some(pace));
             run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
         }
-    }
+    }?;
+    Ok((counts, prepared.pipeline.take_passes()))
 }
 
 /// The whole daemon: settings in, run to the end.
@@ -103,5 +109,5 @@ pub fn run_daemon(settings: &Settings) -> Result<RunCounts, PipelineError> {
     let prepared = prepare(settings)?;
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let mut sink = PictureFolder::new(&settings.pictures_folder)?;
-    run(prepared, settings, &mut sink)
+    run(prepared, settings, &mut sink).map(|(counts, _)| counts)
 }

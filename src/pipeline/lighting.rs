@@ -4,7 +4,7 @@ use super::Options;
 use crate::engine::{Bracket, Engine, EngineError, LightJob};
 use crate::hdr::sliding::SlidingMerge;
 use crate::light::follow::Follow;
-use crate::light::split::SplitOptions;
+use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
 use crate::model::{
     estimate::{LightEstimate, PoseEstimate, Provenance},
     frame::RawFrame,
@@ -29,9 +29,9 @@ impl Lighting {
     /// Empty: no frame, no light.
     pub fn new(rig: &Rig, options: &Options) -> Self {
         let split = SplitOptions {
-            threshold: options.light_threshold,
-            gray: if options.rec709 { crate::math::color::REC_709 } else { crate::math::color::REC_601 },
-            ..SplitOptions::default()
+            least_anisotropy: options.light_threshold,
+            gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
+            fade_in: true,
         };
         Self {
             sliding: SlidingMerge::new(options.quality.brackets, rig.lens, rig.ball),

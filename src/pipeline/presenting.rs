@@ -13,11 +13,15 @@ use crate::model::{
     scene::Scene,
     time::Timestamp,
 };
-use crate::plan::{FramePlan, effects};
+use crate::plan::{
+    FramePlan,
+    effects::{self, Occasion},
+};
 
 /// Plans and draws.
 pub struct Presenting {
     scene: Scene,
+    nothing: Scene,
     plan: FramePlan,
     picture: Picture,
     quality: Quality,
@@ -29,6 +33,7 @@ impl Presenting {
     pub fn new(scene: Scene, options: &Options) -> Self {
         Self {
             scene,
+            nothing: Scene::default(),
             plan: FramePlan::default(),
             picture: Picture::default(),
             quality: options.quality,
@@ -48,7 +53,8 @@ impl Presenting {
         response: &Response,
         t: Timestamp,
     ) -> Result<(), &'static str> {
-        effects::plan(&self.scene, light, &self.quality, &mut self.plan);
+        let occasion = Occasion { camera: Some((lens, world_from_camera)), ..Occasion::SHOW };
+        effects::plan(&occasion, &self.scene, light, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,
             lens,
@@ -74,7 +80,7 @@ impl Presenting {
         frame: &RawFrame,
     ) {
         let dark = SplitLight { direct: None, global: RadianceSh::zero(self.quality.sh_order) };
-        effects::plan_pass_through(&self.quality, &mut self.plan);
+        effects::plan(&Occasion::SHOW, &self.nothing, &dark, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,
             lens,
