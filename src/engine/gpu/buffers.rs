@@ -1,1 +1,136 @@
-//! (placeholder until this room is built)
+//! Device memory that is kept from frame to frame and grows only when sizes change.
+
+use super::{context::GpuContext, kernel::Resource};
+use crate::engine::EngineError;
+
+/// Copies and uploads come in units of this many bytes.
+const WORD: u64 = wgpu::COPY_BUFFER_ALIGNMENT;
+
+/// Bytes, rounded up to whole words; never zero, which no buffer may be.
+pub fn whole_words(bytes: usize) -> u64 {
+    (bytes as u64).div_ceil(WORD).max(1) * WORD
+}
+
+/// A buffer that grows.
+pub struct GrowingBuffer {
+    label: &'static str,
+    usage: wgpu::BufferUsages,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl GrowingBuffer {
+    /// A storage buffer; can be uploaded to and copied from.
+    pub const fn storage(label: &'static str) -> Self {
+        Self::new(label, wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC))
+    }
+
+    /// A uniform buffer.
+    pub const fn uniform(label: &'static str) -> Self {
+        Self::new(label, wgpu::BufferUsages::UNIFORM)
+    }
+
+    /// A buffer of any usage (upload is always allowed).
+    pub const fn new(label: &'static str, usage: wgpu::BufferUsages) -> Self {
+        Self { label, usage: usage.union(wgpu::BufferUsages::COPY_DST), buffer: None }
+    }
+
+    /// The buffer, of at least that many bytes. What it held is lost when it has to grow.
+    pub fn at_least(&mut self, context: &GpuContext, bytes: usize) -> &wgpu::Buffer {
+        let size = whole_words(bytes);
+        if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < size) {
+            self.buffer = None;
+        }
+        self.buffer.get_or_insert_with(|| {
+            context.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(self.label),
+                size,
+                usage: self.usage,
+                mapped_at_creation: false,
+            })
+        })
+    }
+
+    /// Uploads at the start of the buffer, which grows to hold it all.
+    pub fn write(&mut self, context: &GpuContext, bytes: &[u8]) -> Resource {
+        let buffer = self.at_least(context, bytes.len()).clone();
+        write_bytes(context, &buffer, 0, bytes);
+        Resource::Buffer(buffer)
+    }
+
+    /// The buffer, of at least that many bytes, to bind.
+    pub fn bind(&mut self, context: &GpuContext, bytes: usize) -> Resource {
+        Resource::Buffer(self.at_least(context, bytes).clone())
+    }
+}
+
+/// Uploads bytes to a multiple of 4; the last word is padded with zeros.
+pub fn write_bytes(context: &GpuContext, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+    let whole = bytes.len() - bytes.len() % WORD as usize;
+    if whole > 0 {
+        context.queue.write_buffer(buffer, offset, &bytes[..whole]);
+    }
+    if whole < bytes.len() {
+        let mut last = [0; WORD as usize];
+        last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+        context.queue.write_buffer(buffer, offset + whole as u64, &last);
+    }
+}
+
+/// A mappable buffer that results are copied to and read from.
+pub struct Readback {
+    label: &'static str,
+    buffer: Option<wgpu::Buffer>,
+}
+
+impl Readback {
+    /// Empty.
+    pub const fn new(label: &'static str) -> Self {
+        Self { label, buffer: None }
+    }
+
+    /// The target of copies, of at least that many bytes.
+    pub fn at_least(&mut self, context: &GpuContext, bytes: usize) -> &wgpu::Buffer {
+        let size = whole_words(bytes);
+        if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < size) {
+            self.buffer = None;
+        }
+        self.buffer.get_or_insert_with(|| {
+            context.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(self.label),
+                size,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })
+    }
+
+    /// Waits for the device and hands the first `bytes` bytes to `read`. The copy must have been submitted.
+    pub fn read<R>(
+        &mut self,
+        context: &GpuContext,
+        pass: &'static str,
+        bytes: usize,
+        read: impl FnOnce(&[u8]) -> R,
+    ) -> Result<R, EngineError> {
+        let failed = |reason: String| EngineError::Gpu { pass, reason };
+        let buffer = self.at_least(context, bytes).clone();
+        let slice = buffer.slice(..whole_words(bytes));
+        let (sender, receiver) = std::sync::mpsc::sync_channel(1);
+        slice.map_async(wgpu::MapMode::Read, move |outcome| {
+            // The receiver lives until the wait below has returned; if that failed nobody asks.
+            let _ = sender.send(outcome);
+        });
+        context.wait(pass)?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(failed(format!("mapping {}: {error}", self.label))),
+            Err(_) => return Err(failed(format!("mapping {}: the device never answered", self.label))),
+        }
+        let view =
+            slice.get_mapped_range().map_err(|error| failed(format!("mapping {}: {error}", self.label)))?;
+        let result = read(&view[..bytes]);
+        drop(view);
+        buffer.unmap();
+        Ok(result)
+    }
+}

@@ -104,6 +104,7 @@ pub fn product_matrix<T: Real>(order: usize, f: &[T], out: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn as_many_entries_as_the_spec_counts() {
@@ -138,6 +139,46 @@ mod tests {
         product(6, &one, &f, &mut h);
         for (got, want) in h.iter().zip(f) {
             assert!((got - want).abs() < 1e-14);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_matrix_multiplies(
+            f in prop::collection::vec(-2.0..2.0_f64, 36), g in prop::collection::vec(-2.0..2.0_f64, 36), order in 1..=6_usize,
+        ) {
+            let count = order * order;
+            let (mut fg, mut gf, mut matrix) = ([0.0; 36], [0.0; 36], vec![0.0; count * count]);
+            product(order, &f, &g, &mut fg);
+            product(order, &g, &f, &mut gf);
+            product_matrix(order, &f, &mut matrix);
+            for k in 0..count {
+                prop_assert!((fg[k] - gf[k]).abs() < 1e-13);
+                let row: f64 = (0..count).map(|j| matrix[k * count + j] * g[j]).sum();
+                prop_assert!((row - fg[k]).abs() < 1e-12);
+                prop_assert!((0..count).all(|j| matrix[k * count + j] == matrix[j * count + k]));
+            }
+        }
+
+        #[test]
+        fn the_product_is_the_projected_product(
+            f in prop::collection::vec(-2.0..2.0_f64, 16), g in prop::collection::vec(-2.0..2.0_f64, 16),
+        ) {
+            let mut h = [0.0; 16];
+            product(4, &f, &g, &mut h);
+            let mut want = [0.0; 16];
+            for (direction, weight) in quadrature::sphere(9) {
+                let mut y = [0.0; 16];
+                basis::evaluate(4, direction, &mut y);
+                let value = |c: &[f64]| c.iter().zip(y).map(|(c, y)| c * y).sum::<f64>();
+                let both = weight * value(&f) * value(&g);
+                for (want, y) in want.iter_mut().zip(y) {
+                    *want += both * y;
+                }
+            }
+            for (h, want) in h.iter().zip(want) {
+                prop_assert!((h - want).abs() < 1e-12);
+            }
         }
     }
 }

@@ -1,1 +1,4 @@
-//! (placeholder until this room is built)
+//! One file a kernel: what it uploads, dispatches and reads back.
+
+pub mod merge_bracket;
+pub mod project_sh;

@@ -1,0 +1,7 @@
+//! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
+
+mod merge_bracket;
+
+fn main() {
+    merge_bracket::run();
+}

@@ -1,0 +1,107 @@
+//! `hdr::merge_bracket` against a plain f32 loop, and its bytes per second against a memory copy.
+
+use halflight::{
+    hdr::merge_bracket::{merge_bracket, weight},
+    model::{
+        frame::Exposure,
+        image::{HdrImage, Rgb8Image},
+        response::Response,
+    },
+};
+use std::{hint::black_box, time::Instant};
+
+/// [DM97] as one would write it down: for each pixel and channel, a loop over the pictures.
+fn merge_naive(pictures: &[&Rgb8Image], times_s: &[f32], response: &Response) -> Vec<[f32; 3]> {
+    let g = response.log_exposure();
+    (0..pictures[0].pixels().len())
+        .map(|i| {
+            std::array::from_fn(|c| {
+                let (mut top, mut bottom) = (0.0f32, 0.0f32);
+                for (picture, t) in pictures.iter().zip(times_s) {
+                    let z = picture.pixels()[i][c];
+                    let w = f32::from(weight(z));
+                    top += w * (g[c][usize::from(z)] - t.ln());
+                    bottom += w;
+                }
+                if bottom > 0.0 { (top / bottom).exp() } else { (g[c][255] - times_s[0].ln()).exp() }
+            })
+        })
+        .collect()
+}
+
+/// Median and best time of a few dozen runs, in milliseconds.
+fn time_ms(runs: usize, mut work: impl FnMut()) -> (f64, f64) {
+    work();
+    let mut all: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    (all[runs / 2], all[0])
+}
+
+/// A view with every brightness, at the exposure times `times_s`, with a little noise.
+fn bracket(width: usize, height: usize, times_s: &[f32], response: &Response) -> Vec<Rgb8Image> {
+    let mut state = 1u32;
+    times_s
+        .iter()
+        .map(|&t| {
+            let pixels = (0..width * height)
+                .map(|i| {
+                    let (x, y) = ((i % width) as f32 / width as f32, (i / width) as f32 / height as f32);
+                    std::array::from_fn(|c| {
+                        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                        let noise = (state >> 16) as f32 / 65_536.0 - 0.5;
+                        let radiance = (-3.0 + 9.0 * x * y + c as f32 * 0.2).exp();
+                        (response.value_of(c, radiance * t) + 4.0 * noise).round().clamp(0.0, 255.0) as u8
+                    })
+                })
+                .collect();
+            Rgb8Image::from_pixels(width, height, pixels).expect("as many pixels as were made")
+        })
+        .collect()
+}
+
+/// Prints the figures.
+pub fn run() {
+    let (width, height, times_s) = (640, 480, [0.004f32, 0.016, 0.064]);
+    let response = Response::srgb();
+    let pictures = bracket(width, height, &times_s, &response);
+    let pictures: Vec<&Rgb8Image> = pictures.iter().collect();
+    let exposures = times_s.map(|t| Exposure { time_s: f64::from(t), gain: 1.0 });
+    let mut out = HdrImage::default();
+    let (ours, ours_best) = time_ms(101, || {
+        merge_bracket(black_box(&pictures), &exposures, &response, &mut out).expect("a sound bracket");
+    });
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
+    let (single, _) = one_thread.install(|| {
+        time_ms(51, || {
+            merge_bracket(black_box(&pictures), &exposures, &response, &mut out).expect("a sound bracket");
+        })
+    });
+    let (naive, _) = time_ms(21, || {
+        black_box(merge_naive(black_box(&pictures), &times_s, &response));
+    });
+    // The copy moves as many bytes as the merge reads and writes: half of them are read, half written.
+    let pixels = width * height;
+    let bytes = pixels * (3 * times_s.len() + 12 + 1);
+    let source = vec![1u8; bytes / 2];
+    let mut target = vec![0u8; bytes / 2];
+    let (copy, _) = time_ms(101, || black_box(&mut target).copy_from_slice(black_box(&source)));
+    let gigabytes_s = |ms: f64| bytes as f64 / ms * 1e-6;
+    println!(
+        "merge_bracket, 3 exposures of {width} x {height} x 3, {} threads",
+        rayon::current_num_threads()
+    );
+    println!("  ours          {ours:8.3} ms (best {ours_best:.3}), one thread {single:.3} ms");
+    println!("  plain f32 loop{naive:8.3} ms   ratio {:.1} (one thread {:.1})", naive / ours, naive / single);
+    println!(
+        "  bytes         {:8.2} GB/s; memory copy {:.2} GB/s   ratio {:.2}",
+        gigabytes_s(ours),
+        gigabytes_s(copy),
+        gigabytes_s(ours) / gigabytes_s(copy)
+    );
+}

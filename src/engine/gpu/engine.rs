@@ -1,0 +1,131 @@
+//! The engine: each pass on the device, or on its twin where the caller asked for that.
+
+use super::{
+    context::{Backend, GpuContext},
+    kernels::TABLE,
+    passes::{merge_bracket::MergeBracket, project_sh::ProjectSh},
+    recorder::Timer,
+};
+use crate::{
+    engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput},
+    hdr::merge_bracket,
+    model::{
+        image::HdrImage,
+        light::{RadianceSamples, RadianceSh},
+        picture::Picture,
+        quality::Quality,
+        response::Response,
+        scene::Scene,
+    },
+    plan::{FramePlan, Pass, PassTiming},
+};
+
+/// The engine on wgpu. Kernels are compiled when they are first called for.
+pub struct GpuEngine {
+    context: GpuContext,
+    timer: Timer,
+    on_cpu: [bool; Pass::ALL.len()],
+    merge: Option<MergeBracket>,
+    project: Option<ProjectSh>,
+}
+
+/// The kernel in a slot, compiled on first use.
+fn ready<'a, K>(
+    slot: &'a mut Option<K>,
+    context: &GpuContext,
+    new: impl FnOnce(&GpuContext) -> Result<K, EngineError>,
+) -> Result<&'a mut K, EngineError> {
+    if slot.is_none() {
+        *slot = Some(new(context)?);
+    }
+    slot.as_mut().ok_or_else(|| EngineError::Input("unreachable: the slot was just filled".into()))
+}
+
+impl GpuEngine {
+    /// Opens a backend, or the first that works (Vulkan, then GL). Errors: `NoAdapter`.
+    pub fn new(backend: Option<Backend>) -> Result<Self, EngineError> {
+        let context = GpuContext::new(backend)?;
+        let timer = Timer::new(&context);
+        Ok(Self { context, timer, on_cpu: [false; Pass::ALL.len()], merge: None, project: None })
+    }
+
+    /// Runs these kernels on their CPU twins. Errors: an unknown name, with the known ones.
+    pub fn with_cpu_kernels(mut self, names: &[String]) -> Result<Self, EngineError> {
+        for name in names {
+            let known = TABLE.iter().find(|kernel| kernel.pass.name() == name).ok_or_else(|| {
+                let all: Vec<_> = TABLE.iter().map(|kernel| kernel.pass.name()).collect();
+                EngineError::Input(format!("kernel {name:?} on the CPU: known are {}", all.join(", ")))
+            })?;
+            self.on_cpu[known.pass as usize] = true;
+        }
+        Ok(self)
+    }
+
+    /// Where the work runs.
+    pub fn context(&self) -> &GpuContext {
+        &self.context
+    }
+
+    fn on_cpu(&self, pass: Pass) -> bool {
+        self.on_cpu[pass as usize]
+    }
+
+    /// Projects samples to SH (kernel `light/project_sh`); the order is taken into 1..=6.
+    pub fn project_sh(&mut self, samples: &RadianceSamples, order: usize) -> Result<RadianceSh, EngineError> {
+        let project = ready(&mut self.project, &self.context, ProjectSh::new)?;
+        project.run(&self.context, &mut self.timer, samples, order)
+    }
+}
+
+impl Engine for GpuEngine {
+    fn description(&self) -> String {
+        let twins: Vec<_> = Pass::ALL.into_iter().filter(|&pass| self.on_cpu(pass)).map(Pass::name).collect();
+        let on_cpu =
+            if twins.is_empty() { String::new() } else { format!(", on the CPU: {}", twins.join(", ")) };
+        format!("gpu: {}{on_cpu}", self.context.description())
+    }
+
+    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        let _ = scene;
+        Ok(())
+    }
+
+    fn merge_bracket(
+        &mut self,
+        bracket: &Bracket<'_>,
+        response: &Response,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError> {
+        if self.on_cpu(Pass::MergeBracket) {
+            return self
+                .timer
+                .host(Pass::MergeBracket, || {
+                    merge_bracket::merge_bracket(bracket.pictures, bracket.exposures, response, out)
+                })
+                .map_err(|error| EngineError::Input(error.to_string()));
+        }
+        let merge = ready(&mut self.merge, &self.context, MergeBracket::new)?;
+        merge.run(&self.context, &mut self.timer, bracket, response, out)
+    }
+
+    fn estimate_light(
+        &mut self,
+        _job: &LightJob<'_>,
+        _quality: &Quality,
+    ) -> Result<MeasuredLight, EngineError> {
+        Err(EngineError::Gpu { pass: Pass::UnwrapBall.name(), reason: "not built yet".into() })
+    }
+
+    fn relight(
+        &mut self,
+        _plan: &FramePlan,
+        _input: &RelightInput<'_>,
+        _out: &mut Picture,
+    ) -> Result<(), EngineError> {
+        Err(EngineError::Gpu { pass: Pass::ShadeObject.name(), reason: "not built yet".into() })
+    }
+
+    fn take_timings(&mut self, out: &mut Vec<PassTiming>) {
+        self.timer.take(out);
+    }
+}

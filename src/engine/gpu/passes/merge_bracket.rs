@@ -1,0 +1,136 @@
+//! `hdr/merge_bracket` on the device. Twin: `hdr::merge_bracket`.
+
+use crate::{
+    engine::{
+        Bracket, EngineError,
+        gpu::{
+            buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
+            context::GpuContext,
+            kernel::{BoundGroup, Built},
+            kernels,
+            params::MergeParams,
+            recorder::{Recorder, Timer},
+        },
+    },
+    hdr::merge_bracket::weight,
+    model::{image::HdrImage, response::Response},
+    plan::Pass,
+};
+
+const PASS: Pass = Pass::MergeBracket;
+/// Invocations of a workgroup; each merges four pixels.
+const LANES: u32 = 64;
+/// Workgroups in one row of a dispatch.
+const ROW_GROUPS: u32 = 1024;
+
+/// The kernel with its buffers.
+pub struct MergeBracket {
+    built: Built,
+    pipeline: wgpu::ComputePipeline,
+    params: GrowingBuffer,
+    pictures: GrowingBuffer,
+    tables: GrowingBuffer,
+    radiance: GrowingBuffer,
+    flags: GrowingBuffer,
+    group: BoundGroup,
+    readback: Readback,
+    host_tables: Vec<f32>,
+}
+
+impl MergeBracket {
+    /// Compiles it.
+    pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
+        let built = Built::new(context, &kernels::MERGE_BRACKET)?;
+        let pipeline = built.compute(context, "merge")?;
+        Ok(Self {
+            built,
+            pipeline,
+            params: GrowingBuffer::uniform("merge params"),
+            pictures: GrowingBuffer::storage("bracket"),
+            tables: GrowingBuffer::storage("merge tables"),
+            radiance: GrowingBuffer::storage("merged radiance"),
+            flags: GrowingBuffer::storage("merged flags"),
+            group: BoundGroup::default(),
+            readback: Readback::new("merged picture"),
+            host_tables: Vec::new(),
+        })
+    }
+
+    /// Merges a bracket that the twin would accept.
+    pub fn run(
+        &mut self,
+        context: &GpuContext,
+        timer: &mut Timer,
+        bracket: &Bracket<'_>,
+        response: &Response,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError> {
+        let (width, height) = (bracket.pictures[0].width(), bracket.pictures[0].height());
+        let pixels = width * height;
+        let quads = pixels.div_ceil(4);
+        let (radiance_bytes, flag_bytes) = (quads * 48, quads * 4);
+        let row = LANES * ROW_GROUPS;
+        let params = MergeParams {
+            quads: quads as u32,
+            pictures: bracket.pictures.len() as u32,
+            picture_words: quads as u32 * 3,
+            row,
+        };
+        fill_tables(bracket, response, &mut self.host_tables);
+        let picture_bytes = quads * 12;
+        let pictures = self.pictures.at_least(context, picture_bytes * bracket.pictures.len()).clone();
+        for (k, picture) in bracket.pictures.iter().enumerate() {
+            let bytes = bytemuck::cast_slice(picture.pixels());
+            write_bytes(context, &pictures, (k * picture_bytes) as u64, bytes);
+        }
+        let resources = [
+            self.params.write(context, bytemuck::bytes_of(&params)),
+            self.pictures.bind(context, 0),
+            self.tables.write(context, bytemuck::cast_slice(&self.host_tables)),
+            self.radiance.bind(context, radiance_bytes),
+            self.flags.bind(context, flag_bytes),
+        ];
+        let group = self.group.of(context, &self.built, &resources);
+
+        let mut recorder = Recorder::new(context, timer);
+        let groups = quads.div_ceil(LANES as usize) as u32;
+        recorder.compute(PASS, |pass| {
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1);
+        })?;
+        let target = self.readback.at_least(context, radiance_bytes + flag_bytes).clone();
+        let (radiance, flags) = (self.radiance.at_least(context, 0), self.flags.at_least(context, 0));
+        recorder.copy(radiance, &target, 0, whole_words(radiance_bytes));
+        recorder.copy(flags, &target, radiance_bytes as u64, whole_words(flag_bytes));
+        recorder.finish(PASS)?;
+
+        out.radiance.reshape(width, height, [0.0; 3]);
+        out.flags.reshape(width, height, 0);
+        self.readback.read(context, PASS.name(), radiance_bytes + flag_bytes, |bytes| {
+            let (radiance, flags) = bytes.split_at(radiance_bytes);
+            let target: &mut [u8] = bytemuck::cast_slice_mut(out.radiance.pixels_mut());
+            target.copy_from_slice(&radiance[..pixels * 12]);
+            out.flags.pixels_mut().copy_from_slice(&flags[..pixels]);
+        })
+    }
+}
+
+/// For each picture, channel and value w(z) (g(z) - ln t); then for each picture and channel g(255) - ln t and
+/// g(0) - ln t. The logarithms are bounded as in the twin.
+fn fill_tables(bracket: &Bracket<'_>, response: &Response, out: &mut Vec<f32>) {
+    out.clear();
+    let log = |g: f32, log_t: f64| (f64::from(g) - log_t).clamp(-1e3, 1e3);
+    for exposure in bracket.exposures {
+        let log_t = exposure.effective_s().ln();
+        for g in response.log_exposure() {
+            out.extend((0..=255u8).map(|z| (f64::from(weight(z)) * log(g[usize::from(z)], log_t)) as f32));
+        }
+    }
+    for exposure in bracket.exposures {
+        let log_t = exposure.effective_s().ln();
+        for g in response.log_exposure() {
+            out.extend([log(g[255], log_t) as f32, log(g[0], log_t) as f32]);
+        }
+    }
+}

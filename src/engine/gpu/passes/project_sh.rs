@@ -1,0 +1,123 @@
+//! `light/project_sh` on the device. Twin: `light::project_sh`.
+
+use crate::{
+    engine::{
+        EngineError,
+        gpu::{
+            buffers::{GrowingBuffer, Readback},
+            context::GpuContext,
+            kernel::{BoundGroup, Built},
+            kernels,
+            params::ProjectParams,
+            recorder::{Recorder, Timer},
+        },
+    },
+    math::sh::{MAX_COEFFICIENTS, MAX_ORDER},
+    model::light::{RadianceSamples, RadianceSh},
+    plan::Pass,
+};
+
+const PASS: Pass = Pass::ProjectSh;
+/// Samples of one workgroup.
+const GROUP_SAMPLES: usize = 256;
+/// Samples that are on the device at a time: 32 MiB.
+const PART_SAMPLES: usize = 1 << 20;
+const ROW_BYTES: usize = MAX_COEFFICIENTS * 16;
+
+/// The kernel with its buffers.
+pub struct ProjectSh {
+    built: Built,
+    partial_sums: wgpu::ComputePipeline,
+    total: wgpu::ComputePipeline,
+    params: GrowingBuffer,
+    directions: GrowingBuffer,
+    radiance: GrowingBuffer,
+    partials: GrowingBuffer,
+    coefficients: GrowingBuffer,
+    group: BoundGroup,
+    readback: Readback,
+}
+
+impl ProjectSh {
+    /// Compiles it.
+    pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
+        let built = Built::new(context, &kernels::PROJECT_SH)?;
+        let (partial_sums, total) =
+            (built.compute(context, "partial_sums")?, built.compute(context, "total")?);
+        Ok(Self {
+            built,
+            partial_sums,
+            total,
+            params: GrowingBuffer::uniform("projection params"),
+            directions: GrowingBuffer::storage("sample directions"),
+            radiance: GrowingBuffer::storage("sample radiance"),
+            partials: GrowingBuffer::storage("partial sums"),
+            coefficients: GrowingBuffer::storage("coefficients"),
+            group: BoundGroup::default(),
+            readback: Readback::new("coefficients"),
+        })
+    }
+
+    /// Projects; the order is taken into 1..=6.
+    pub fn run(
+        &mut self,
+        context: &GpuContext,
+        timer: &mut Timer,
+        samples: &RadianceSamples,
+        order: usize,
+    ) -> Result<RadianceSh, EngineError> {
+        let order = order.clamp(1, MAX_ORDER);
+        let count = samples.directions.len().min(samples.radiance.len());
+        let partials = count.div_ceil(GROUP_SAMPLES);
+        let bytes = MAX_COEFFICIENTS * 16;
+        // All parts use the same buffers, made for the largest.
+        let part_bytes = count.min(PART_SAMPLES) * 16;
+        let resources = [
+            self.params.bind(context, size_of::<ProjectParams>()),
+            self.directions.bind(context, part_bytes),
+            self.radiance.bind(context, part_bytes),
+            self.partials.bind(context, partials * ROW_BYTES),
+            self.coefficients.bind(context, bytes),
+        ];
+        let group = self.group.of(context, &self.built, &resources);
+
+        let mut recorder = Recorder::new(context, timer);
+        for start in (0..count).step_by(PART_SAMPLES) {
+            let part = start..(start + PART_SAMPLES).min(count);
+            let params = ProjectParams {
+                samples: part.len() as u32,
+                order: order as u32,
+                first_partial: (start / GROUP_SAMPLES) as u32,
+                partials: partials as u32,
+            };
+            // An upload comes before everything that is submitted later, so parts are submitted one by one.
+            recorder.submit();
+            self.params.write(context, bytemuck::bytes_of(&params));
+            self.directions.write(context, bytemuck::cast_slice(&samples.directions[part.clone()]));
+            self.radiance.write(context, bytemuck::cast_slice(&samples.radiance[part.clone()]));
+            recorder.compute(PASS, |pass| {
+                pass.set_bind_group(0, group, &[]);
+                pass.set_pipeline(&self.partial_sums);
+                pass.dispatch_workgroups(part.len().div_ceil(GROUP_SAMPLES) as u32, 1, 1);
+                if part.end == count {
+                    pass.set_pipeline(&self.total);
+                    pass.dispatch_workgroups((order * order) as u32, 1, 1);
+                }
+            })?;
+        }
+        let mut sh = RadianceSh::zero(order);
+        if count == 0 {
+            return Ok(sh);
+        }
+        let target = self.readback.at_least(context, bytes).clone();
+        recorder.copy(self.coefficients.at_least(context, 0), &target, 0, bytes as u64);
+        recorder.finish(PASS)?;
+        self.readback.read(context, PASS.name(), bytes, |bytes| {
+            let rows = bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(bytes);
+            for (row, sum) in sh.rgb.iter_mut().zip(rows).take(order * order) {
+                *row = [sum[0], sum[1], sum[2]];
+            }
+        })?;
+        Ok(sh)
+    }
+}

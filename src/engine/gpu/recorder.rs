@@ -1,0 +1,232 @@
+//! Records passes and times each: by timestamp queries at the ends of passes where the device has them, else
+//! by fenced wall time (each pass submitted and awaited on its own).
+
+use std::time::Instant;
+
+use super::{buffers::Readback, context::GpuContext};
+use crate::{
+    engine::EngineError,
+    plan::{Pass, PassTiming},
+};
+
+/// Device passes of one frame that can be timed (shadow maps take one each).
+const SPANS: u32 = 128;
+const STAMP_BYTES: u64 = 8;
+
+struct Queries {
+    set: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readback: Readback,
+}
+
+/// Measures passes over the life of an engine.
+pub struct Timer {
+    queries: Option<Queries>,
+    spans: Vec<Pass>,
+    done: Vec<PassTiming>,
+}
+
+impl Timer {
+    /// Uses timestamp queries where the context has them.
+    pub fn new(context: &GpuContext) -> Self {
+        let queries = context.has_timestamps().then(|| Queries {
+            set: context.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("pass times"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * SPANS,
+            }),
+            resolved: context.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("pass times"),
+                size: 2 * u64::from(SPANS) * STAMP_BYTES,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            }),
+            readback: Readback::new("pass times"),
+        });
+        Self { queries, spans: Vec::new(), done: Vec::new() }
+    }
+
+    /// Adds the time of work that ran on the host.
+    pub fn add(&mut self, pass: Pass, ms: f32) {
+        match self.done.last_mut() {
+            Some(last) if last.pass == pass => last.ms += ms,
+            _ => self.done.push(PassTiming { pass, ms }),
+        }
+    }
+
+    /// Runs a pass on the host and adds its time.
+    pub fn host<R>(&mut self, pass: Pass, work: impl FnOnce() -> R) -> R {
+        let start = now();
+        let result = work();
+        self.add(pass, milliseconds_since(start));
+        result
+    }
+
+    /// Moves all times so far to `out`, in order.
+    pub fn take(&mut self, out: &mut Vec<PassTiming>) {
+        out.append(&mut self.done);
+    }
+
+    /// The next span's place in the query set, while there is one.
+    fn span(&mut self, pass: Pass) -> Option<(&wgpu::QuerySet, u32)> {
+        let first = 2 * self.spans.len() as u32;
+        let queries = self.queries.as_ref().filter(|_| self.spans.len() < SPANS as usize)?;
+        self.spans.push(pass);
+        Some((&queries.set, first))
+    }
+
+    fn collect(&mut self, context: &GpuContext) -> Result<(), EngineError> {
+        let spans = std::mem::take(&mut self.spans);
+        let Some(queries) = self.queries.as_mut().filter(|_| !spans.is_empty()) else { return Ok(()) };
+        let ns = f64::from(context.queue.get_timestamp_period());
+        let bytes = 2 * spans.len() * STAMP_BYTES as usize;
+        let stamps: Vec<u64> =
+            queries.readback.read(context, "pass times", bytes, bytemuck::pod_collect_to_vec)?;
+        for (pass, pair) in spans.iter().zip(stamps.chunks_exact(2)) {
+            self.add(*pass, (pair[1].saturating_sub(pair[0]) as f64 * ns * 1e-6) as f32);
+        }
+        self.spans = spans;
+        self.spans.clear();
+        Ok(())
+    }
+}
+
+/// One batch of work for the device.
+pub struct Recorder<'a> {
+    /// Where it runs.
+    pub context: &'a GpuContext,
+    timer: &'a mut Timer,
+    encoder: wgpu::CommandEncoder,
+}
+
+/// What a draw pass draws to.
+pub struct Targets<'a> {
+    /// Colour.
+    pub color: Option<wgpu::RenderPassColorAttachment<'a>>,
+    /// Depth, cleared to the given value and not kept.
+    pub depth: Option<(&'a wgpu::TextureView, f32)>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Starts a batch.
+    pub fn new(context: &'a GpuContext, timer: &'a mut Timer) -> Self {
+        Self { context, encoder: encoder(context), timer }
+    }
+
+    /// Records compute work of a pass.
+    pub fn compute(
+        &mut self,
+        pass: Pass,
+        work: impl FnOnce(&mut wgpu::ComputePass<'_>),
+    ) -> Result<(), EngineError> {
+        let start = self.fence(pass)?;
+        {
+            let stamps = self.timer.span(pass);
+            let timestamp_writes = stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(first),
+                end_of_pass_write_index: Some(first + 1),
+            });
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(pass.name()), timestamp_writes };
+            work(&mut self.encoder.begin_compute_pass(&descriptor));
+        }
+        self.fenced(pass, start)
+    }
+
+    /// Records drawing of a pass.
+    pub fn draw(
+        &mut self,
+        pass: Pass,
+        targets: Targets<'_>,
+        work: impl FnOnce(&mut wgpu::RenderPass<'_>),
+    ) -> Result<(), EngineError> {
+        let start = self.fence(pass)?;
+        {
+            let stamps = self.timer.span(pass);
+            let timestamp_writes = stamps.map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(first),
+                end_of_pass_write_index: Some(first + 1),
+            });
+            let depth_stencil_attachment =
+                targets.depth.map(|(view, clear)| wgpu::RenderPassDepthStencilAttachment {
+                    view,
+                    depth_ops: Some(wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(clear),
+                        store: wgpu::StoreOp::Discard,
+                    }),
+                    stencil_ops: None,
+                });
+            work(&mut self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some(pass.name()),
+                color_attachments: &[targets.color],
+                depth_stencil_attachment,
+                timestamp_writes,
+                occlusion_query_set: None,
+                multiview_mask: None,
+            }));
+        }
+        self.fenced(pass, start)
+    }
+
+    /// Records a copy between buffers (untimed).
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, to_offset: u64, bytes: u64) {
+        self.encoder.copy_buffer_to_buffer(from, 0, to, to_offset, bytes);
+    }
+
+    /// Records other copies.
+    pub fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        &mut self.encoder
+    }
+
+    /// Sends what is recorded so far; uploads that follow come after it.
+    pub fn submit(&mut self) {
+        let encoder = std::mem::replace(&mut self.encoder, encoder(self.context));
+        self.context.queue.submit([encoder.finish()]);
+    }
+
+    /// Sends everything, waits, and books the times.
+    pub fn finish(mut self, pass: Pass) -> Result<(), EngineError> {
+        let stamps = 2 * self.timer.spans.len() as u32;
+        if let Some(queries) = self.timer.queries.as_mut().filter(|_| stamps > 0) {
+            let bytes = u64::from(stamps) * STAMP_BYTES;
+            self.encoder.resolve_query_set(&queries.set, 0..stamps, &queries.resolved, 0);
+            let target = queries.readback.at_least(self.context, bytes as usize);
+            self.encoder.copy_buffer_to_buffer(&queries.resolved, 0, target, 0, bytes);
+        }
+        self.submit();
+        self.context.wait(pass.name())?;
+        self.timer.collect(self.context)
+    }
+
+    /// Without timestamps: waits for all earlier work, and gives the time.
+    fn fence(&mut self, pass: Pass) -> Result<Option<Instant>, EngineError> {
+        if self.timer.queries.is_some() {
+            return Ok(None);
+        }
+        self.submit();
+        self.context.wait(pass.name())?;
+        Ok(Some(now()))
+    }
+
+    fn fenced(&mut self, pass: Pass, start: Option<Instant>) -> Result<(), EngineError> {
+        let Some(start) = start else { return Ok(()) };
+        self.submit();
+        self.context.wait(pass.name())?;
+        self.timer.add(pass, milliseconds_since(start));
+        Ok(())
+    }
+}
+
+fn encoder(context: &GpuContext) -> wgpu::CommandEncoder {
+    context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") })
+}
+
+#[allow(clippy::disallowed_methods, reason = "measures how long a pass took; no result depends on it")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+fn milliseconds_since(start: Instant) -> f32 {
+    (now() - start).as_secs_f32() * 1e3
+}
