@@ -50,7 +50,7 @@ impl ToneTable {
         }
         // The table starts at the cell of the smallest threshold that is a normal number.
         let lowest = self.thresholds.iter().map(|t| t[0]).fold(f32::INFINITY, f32::min);
-        self.first_cell = lowest.max(f32::MIN_POSITIVE).min(1e30).to_bits() >> CELL_SHIFT;
+        self.first_cell = lowest.clamp(f32::MIN_POSITIVE, 1e30).to_bits() >> CELL_SHIFT;
         for (k, starts) in self.starts.iter_mut().enumerate() {
             let bits = (self.first_cell + k as u32) << CELL_SHIFT;
             let low = f32::from_bits(bits.min(f32::MAX.to_bits()));
@@ -76,5 +76,56 @@ impl ToneTable {
             z += 1;
         }
         z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn curve(gamma: f64, range_ln: f64, flat: bool) -> Response {
+        let g = std::array::from_fn(|z| {
+            let v = if flat { (z / 16 * 16).max(1) } else { z.max(1) } as f64 / 255.0;
+            (range_ln + gamma * v.ln()) as f32
+        });
+        Response::new([g; 3]).unwrap()
+    }
+
+    fn check(response: &Response, exposure: f32) -> Result<(), TestCaseError> {
+        let table = ToneTable::of(response);
+        for c in 0..3 {
+            let exact = response.value_of(c, exposure);
+            let value = f32::from(table.value(c, exposure));
+            // Half a step of rounding, and the rounding of the exponential in f32.
+            prop_assert!((value - exact).abs() <= 0.501, "{exposure}: {value} for {exact}");
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn rounds_the_response(log in -30.0f32..30.0, gamma in 0.3f64..4.0, range in -20.0f64..20.0, shape in 0..3) {
+            let response = match shape { 0 => Response::srgb(), s => curve(gamma, range, s == 2) };
+            check(&response, log.exp())?;
+            check(&response, ((log / 5.0) as f64 + range - gamma).exp() as f32)?;
+        }
+    }
+
+    #[test]
+    fn rises_over_the_whole_range_and_reaches_both_ends() {
+        let mut table = ToneTable::of(&curve(0.5, 3.0, false));
+        table.update(&Response::srgb());
+        let mut last = 0;
+        for bits in (0..f32::MAX.to_bits()).step_by(9_973) {
+            let value = table.value(1, f32::from_bits(bits));
+            assert!(value >= last);
+            last = value;
+        }
+        assert_eq!(last, 255);
+        for nothing in [0.0, -1.0, f32::NAN, f32::NEG_INFINITY, f32::MIN_POSITIVE] {
+            assert_eq!(table.value(0, nothing), 0);
+        }
+        assert_eq!(table.value(0, f32::INFINITY), 255);
     }
 }

@@ -84,8 +84,12 @@ impl Engine for CpuEngine {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
-        let _ = (bracket, response, out);
-        Err(EngineError::Input("merging is not wired yet".into()))
+        timed(&mut self.timings, Pass::MergeBracket, || {
+            let merge = || {
+                crate::hdr::merge_bracket::merge_bracket(bracket.pictures, bracket.exposures, response, out)
+            };
+            self.pool.install(merge).map_err(|e| EngineError::Input(e.to_string()))
+        })
     }
 
     fn estimate_light(

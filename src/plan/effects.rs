@@ -187,3 +187,103 @@ impl ViewCone {
         off_axis <= self.half_angle_rad + (radius_m / distance_m).asin()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{
+        light::{DirectionalLight, RadianceSh},
+        scene::{Material, Mesh, RealSurface},
+    };
+    use glam::Affine3A;
+
+    fn mesh() -> Mesh {
+        Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: vec![Vec3::Z; 3],
+            tints_rgb: vec![[1.0; 3]; 3],
+            triangles: vec![[0, 1, 2]],
+        }
+    }
+
+    fn scene(objects: usize, receives: Option<bool>) -> Scene {
+        let object = VirtualObject {
+            name: "o".into(),
+            mesh: mesh(),
+            material: Material::Lambert { albedo_rgb: [0.5; 3] },
+            world_from_object: Affine3A::IDENTITY,
+            openness: vec![1.0; 3],
+        };
+        let surface = |receives_shadow| RealSurface { name: "s".into(), mesh: mesh(), receives_shadow };
+        Scene { objects: vec![object; objects], surfaces: receives.map(surface).into_iter().collect() }
+    }
+
+    fn sun(to_light_world: [f32; 3], e: f32) -> SplitLight {
+        let direct = DirectionalLight { to_light_world, irradiance_rgb: [e; 3], fade: 1.0 };
+        SplitLight { direct: Some(direct), global: RadianceSh::zero(4) }
+    }
+
+    fn passes(occasion: &Occasion<'_>, scene: &Scene, light: &SplitLight) -> Vec<Pass> {
+        let mut out = FramePlan::default();
+        plan(occasion, scene, light, &Quality::default(), &mut out);
+        let mut all: Vec<Pass> = out.passes.iter().chain(&out.left_out).map(|p| p.pass).collect();
+        all.sort();
+        assert_eq!(all, Pass::ALL, "every pass is either planned or left out");
+        assert!(out.passes.is_sorted_by_key(|p| p.pass), "in the order of the frame");
+        out.passes.iter().map(|p| p.pass).collect()
+    }
+
+    const UP: [f32; 3] = [0.0, 0.0, 1.0];
+    const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
+
+    #[test]
+    fn only_what_the_scene_calls_for() {
+        use Pass::{Composite, ShadeObject, ShadeSurface, ShadowMaps, Tonemap};
+        let show = Occasion::SHOW;
+        let full = scene(1, Some(true));
+        assert_eq!(
+            passes(&show, &full, &sun(UP, 2.0)),
+            [ShadowMaps, ShadeObject, ShadeSurface, Composite, Tonemap]
+        );
+        // No sun, or a sun without power, or below the ground: no shadow on it.
+        let dark = SplitLight { direct: None, global: RadianceSh::zero(4) };
+        for light in [dark, sun(UP, 0.0), sun(UP, -1.0)] {
+            assert_eq!(passes(&show, &full, &light), [ShadeObject, Composite, Tonemap]);
+        }
+        assert_eq!(passes(&show, &full, &sun(DOWN, 2.0)), [ShadowMaps, ShadeObject, Composite, Tonemap]);
+        // A surface that only hides, or none.
+        for surfaces in [Some(false), None] {
+            let out = passes(&show, &scene(1, surfaces), &sun(UP, 2.0));
+            assert_eq!(out, [ShadowMaps, ShadeObject, Composite, Tonemap]);
+        }
+        // Nothing virtual.
+        assert_eq!(passes(&show, &scene(0, Some(true)), &sun(UP, 2.0)), [Composite, Tonemap]);
+        let linear = Occasion { display: false, ..show };
+        assert_eq!(passes(&linear, &scene(0, None), &sun(UP, 2.0)), [Composite]);
+    }
+
+    #[test]
+    fn measuring_and_drawing_are_independent() {
+        use Pass::{MergeBracket, ProjectSh, UnwrapBall};
+        let measure = Occasion { merge: true, ball: true, ..Occasion::default() };
+        let out = passes(&measure, &scene(1, Some(true)), &sun(UP, 2.0));
+        assert_eq!(out, [MergeBracket, UnwrapBall, ProjectSh]);
+        let map = Occasion { project: true, ..Occasion::default() };
+        assert_eq!(passes(&map, &scene(0, None), &sun(UP, 2.0)), [ProjectSh]);
+    }
+
+    #[test]
+    fn objects_out_of_view_still_throw_shadows_into_it() {
+        use Pass::{Composite, ShadeObject, ShadeSurface, ShadowMaps, Tonemap};
+        let lens = Lens::pinhole(64, 48, 60.0, 60.0, 32.0, 24.0);
+        let at = Pose::look_at(DVec3::new(0.3, -4.0, 1.0), DVec3::new(0.3, 0.3, 0.0), DVec3::Z);
+        let away = Pose::look_at(DVec3::new(0.3, -4.0, 1.0), DVec3::new(0.3, -9.0, 0.0), DVec3::Z);
+        let full = scene(1, Some(true));
+        let with = |pose| {
+            let occasion = Occasion { camera: Some((&lens, pose)), ..Occasion::SHOW };
+            passes(&occasion, &full, &sun(UP, 2.0))
+        };
+        assert_eq!(with(&at), [ShadowMaps, ShadeObject, ShadeSurface, Composite, Tonemap]);
+        assert_eq!(with(&away), [ShadowMaps, ShadeSurface, Composite, Tonemap]);
+    }
+}
