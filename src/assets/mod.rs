@@ -5,6 +5,8 @@ pub mod case;
 pub mod dds;
 pub mod error;
 pub mod gltf;
+pub mod normals;
+pub mod obj;
 pub mod pictures;
 pub mod response;
 pub mod scene;

@@ -3,6 +3,7 @@
 pub mod clock;
 pub mod error;
 pub mod open;
+pub mod parameters;
 pub mod record;
 pub mod recording;
 pub mod replay;
@@ -50,6 +51,11 @@ pub trait FrameSource: Send {
 pub trait ImuSource: Send {
     /// Appends all samples with time up to `until`, in order of time.
     fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError>;
+
+    /// What is wrong with the sensor, where the source knows it (synthetic, or recorded from synthetic).
+    fn imu_truth(&self) -> Option<ImuTruth> {
+        None
+    }
 }
 
 /// A clock on the monotonic time line of the frames.
@@ -69,4 +75,19 @@ pub struct Truth {
     pub light: crate::model::light::RadianceSh,
     /// Band-1 direction of `light` (gray 0.3/0.59/0.11), unit.
     pub to_light_world: [f32; 3],
+}
+
+/// What is wrong with an IMU, and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuTruth {
+    /// Added to every gyroscope sample, rad/s.
+    pub gyro_bias_rad_s: [f64; 3],
+    /// Added to every accelerometer sample, m/s^2.
+    pub accel_bias_m_s2: [f64; 3],
+    /// Stated time minus true time of every sample, seconds.
+    pub time_offset_s: f64,
+    /// Standard deviation of one gyroscope sample, rad/s.
+    pub gyro_noise_rad_s: f64,
+    /// Standard deviation of one accelerometer sample, m/s^2.
+    pub accel_noise_m_s2: f64,
 }

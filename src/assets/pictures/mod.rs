@@ -8,7 +8,10 @@ mod radiance;
 pub use ingest::{LARGEST_RADIANCE, LoadedRadiance, Replaced, ingest};
 
 use super::error::{AssetError, read_file};
-use crate::model::image::{Image, RadianceImage, Rgb8Image};
+use crate::{
+    math::color::srgb_decode,
+    model::image::{Image, RadianceImage, Rgb8Image},
+};
 use std::path::Path;
 
 /// Longest side of a picture, pixels.
@@ -121,17 +124,11 @@ pub fn load_raw(file: &Path) -> Result<RadianceImage, AssetError> {
 
 fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
     match format_of(file, bytes)? {
-        Format::Png => ldr::linear(file, bytes, image::ImageFormat::Png, srgb),
-        Format::Jpeg => ldr::linear(file, bytes, image::ImageFormat::Jpeg, srgb),
+        Format::Png => ldr::linear(file, bytes, image::ImageFormat::Png, srgb_decode),
+        Format::Jpeg => ldr::linear(file, bytes, image::ImageFormat::Jpeg, srgb_decode),
         Format::Exr => exr::decode(file, bytes),
         Format::Radiance => radiance::decode(file, bytes),
     }
-}
-
-/// The sRGB transfer, undone.
-fn srgb(encoded: f32) -> f32 {
-    let v = f64::from(encoded);
-    (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
 }
 
 /// Writes an 8-bit RGB picture as PNG.

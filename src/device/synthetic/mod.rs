@@ -1,0 +1,176 @@
+//! `synthetic:` a virtual room, ray traced, with known truth. Equal options give equal pixels for any
+//! number of threads.
+//!
+//! World: z up, metres, the table's top is z = 0; tag36h11 number 0 lies at the origin, its upright picture
+//! seen from above with its upper edge towards +y; the mirror ball stands on the table beside it. All
+//! surfaces but the ball are Lambertian. The light of lamp and window is baked with its shadows, and three
+//! bounces between all surfaces; light that the ball throws onto other things is left out.
+
+mod bake;
+pub mod film;
+mod furnish;
+pub mod motion;
+pub mod options;
+mod paint;
+mod picture;
+mod random;
+mod room;
+mod shapes;
+mod truth;
+
+use super::{DeviceError, ErrorKind, FrameSource, Truth};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    estimate::{PoseEstimate, Provenance},
+    frame::{Exposure, RawFrame},
+    light::RadianceSh,
+    response::Response,
+    rig::{Rig, TagPlacement},
+    time::Timestamp,
+};
+use glam::{DMat3, DVec3};
+pub use motion::SyntheticImu;
+use motion::Trajectory;
+pub use options::Options;
+pub use paint::{PAPER_SIDE_M, TAG_SIDE_M};
+use std::sync::Arc;
+
+/// Time of the first frame.
+pub const START_S: f64 = 1.0;
+/// The IMU starts so much earlier and ends so much later than the frames.
+const IMU_MARGIN_S: f64 = 0.2;
+/// Focal length in widths of the picture.
+const FOCAL_WIDTHS: f64 = 1.02;
+
+/// The virtual room's camera.
+pub struct SyntheticSource {
+    options: Options,
+    device: String,
+    lens: Lens,
+    room: Arc<room::Room>,
+    trajectory: Arc<Trajectory>,
+    response: Response,
+    quantiser: film::Quantiser,
+    light: RadianceSh,
+    next: u64,
+    truth: Option<Truth>,
+}
+
+/// Builds the room and opens its camera and its IMU. Takes a second or two of computing.
+pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
+    let fineness = bake::Fineness { table_texel_m: options.texel_mm * 1e-3, seed: 0x5eed };
+    let room = Arc::new(room::Room::new(fineness));
+    let trajectory = Arc::new(Trajectory::new(options.seed, options.motion));
+    let response = film::film();
+    let (width, height) = options.size;
+    let focal = FOCAL_WIDTHS * f64::from(width);
+    let end_s = START_S + options.frames as f64 / options.fps;
+    let source = SyntheticSource {
+        device: format!("synthetic:seed={}", options.seed),
+        lens: Lens::pinhole(width, height, focal, focal, f64::from(width) / 2.0, f64::from(height) / 2.0),
+        light: truth::light_at_ball(&room),
+        quantiser: film::Quantiser::new(&response),
+        options: options.clone(),
+        room,
+        trajectory: Arc::clone(&trajectory),
+        response,
+        next: 0,
+        truth: None,
+    };
+    let span = (START_S - IMU_MARGIN_S, end_s + IMU_MARGIN_S);
+    let imu = SyntheticImu::new(trajectory, options.seed, options.noise, options.imu_offset_s, span);
+    (source, imu)
+}
+
+/// Where the tag lies: its picture's x along the world's x, its y along -y, its z into the table.
+pub fn world_from_tag() -> Pose {
+    Pose::from_matrix(DMat3::from_cols(DVec3::X, -DVec3::Y, -DVec3::Z), DVec3::ZERO)
+}
+
+impl SyntheticSource {
+    /// The camera's pose at a true time, seconds.
+    pub fn world_from_camera(&self, t: f64) -> Pose {
+        self.trajectory.world_from_camera(t)
+    }
+
+    /// Exact mean radiance over one pixel as seen from a pose: the noise-free answer.
+    pub fn radiance_at(&self, world_from_camera: Pose, x: usize, y: usize) -> [f64; 3] {
+        self.shot(world_from_camera, self.options.exposures[0], 0).pixel(x, y).to_array()
+    }
+
+    fn shot(&self, world_from_camera: Pose, exposure: Exposure, frame: u64) -> picture::Shot<'_> {
+        picture::Shot {
+            room: &self.room,
+            lens: &self.lens,
+            world_from_camera,
+            exposure,
+            noise: self.options.noise,
+            key: [self.options.seed ^ 0xca3e7a, frame],
+            samples: self.options.samples,
+        }
+    }
+}
+
+impl FrameSource for SyntheticSource {
+    fn next_frame(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        if self.next >= self.options.frames {
+            let action = format!("frame {}: there are {} frames", self.next, self.options.frames);
+            return Err(DeviceError::new(&self.device, action, ErrorKind::Ended));
+        }
+        let sequence = self.next;
+        self.next += 1;
+        let seconds = START_S + sequence as f64 / self.options.fps;
+        let t_mid = Timestamp::from_seconds(seconds);
+        let exposure = self.options.exposures[(sequence % self.options.exposures.len() as u64) as usize];
+        let world_from_camera = self.trajectory.world_from_camera(seconds);
+        let pixels = self.shot(world_from_camera, exposure, sequence).take(&self.quantiser);
+        self.truth = Some(Truth {
+            pose: PoseEstimate {
+                t: t_mid,
+                world_from_camera,
+                provenance: Provenance::Measured,
+                sigma_position_m: 0.0,
+                sigma_rotation_rad: 0.0,
+            },
+            light: self.light,
+            to_light_world: truth::dominant_direction(&self.light),
+        });
+        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels) })
+    }
+
+    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+        let longest = 1.0 / self.options.fps;
+        let good = |e: &Exposure| {
+            (options::SHORTEST_S..=longest).contains(&e.time_s) && (1.0..=16.0).contains(&e.gain)
+        };
+        if !(1..=9).contains(&exposures.len()) || !exposures.iter().all(good) {
+            let action = format!(
+                "exposures {exposures:?}: must be 1 to 9, time_s within {}..={longest:.6}, gain within 1..=16",
+                options::SHORTEST_S
+            );
+            return Err(DeviceError::new(&self.device, action, ErrorKind::Refused));
+        }
+        self.options.exposures = exposures.to_vec();
+        Ok(exposures.to_vec())
+    }
+
+    fn rig(&self) -> Option<Rig> {
+        Some(Rig {
+            lens: self.lens,
+            tags: vec![TagPlacement { id: 0, side_m: TAG_SIDE_M, world_from_tag: world_from_tag() }],
+            ball: Some(self.room.ball()),
+        })
+    }
+
+    fn response(&self) -> Option<Response> {
+        Some(self.response.clone())
+    }
+
+    fn frames_left(&self) -> Option<u64> {
+        Some(self.options.frames - self.next)
+    }
+
+    fn truth(&mut self) -> Option<Truth> {
+        self.truth.clone()
+    }
+}
