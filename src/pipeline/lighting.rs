@@ -1,7 +1,8 @@
 //! The light of the place, frame by frame: slide, merge, read, follow, split. What cannot be measured is held.
 
-use super::Options;
-use crate::engine::{Bracket, Engine, EngineError, LightJob};
+use super::{Options, PipelineError};
+use crate::device::Clock;
+use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::sliding::SlidingMerge;
 use crate::light::follow::Follow;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
@@ -22,6 +23,8 @@ pub struct Lighting {
     picture: HdrImage,
     quality: Quality,
     on_surface: bool,
+    /// Frames in the last bracket.
+    bracket: usize,
     refused: u64,
 }
 
@@ -34,25 +37,35 @@ impl Lighting {
             fade_in: true,
         };
         Self {
-            sliding: SlidingMerge::new(options.quality.brackets, rig.lens, rig.ball),
+            sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),
             follow: Follow::new(options.filter_tau_s, split),
             picture: HdrImage::default(),
             quality: options.quality,
             on_surface: options.ball_on_surface,
+            bracket: 0,
             refused: 0,
         }
     }
 
-    /// Takes a frame; older frames of other exposures are warped into its view.
-    pub fn register(&mut self, frame: &RawFrame, pose: Option<&PoseEstimate>) {
-        self.sliding.push(frame, pose.map(|p| p.world_from_camera));
-        self.sliding.register();
-    }
-
-    /// Merges what `register` left.
-    pub fn merge(&mut self, engine: &mut dyn Engine, response: &Response) -> Result<(), EngineError> {
-        let (pictures, exposures) = self.sliding.registered();
-        engine.merge_bracket(&Bracket { pictures, exposures }, response, &mut self.picture)
+    /// Takes a frame, warps older frames of other exposures into its view, and merges them. Returns when the
+    /// warping was done, on `watch`.
+    pub fn gather(
+        &mut self,
+        frame: &RawFrame,
+        pose: Option<&PoseEstimate>,
+        engine: &mut dyn Engine,
+        response: &Response,
+        watch: &dyn Clock,
+    ) -> Result<Timestamp, PipelineError> {
+        self.sliding
+            .push(frame, pose.map(|p| p.world_from_camera))
+            .map_err(|e| PipelineError::Setup(e.to_string()))?;
+        let registered = self.sliding.registered(response);
+        let warped = watch.now();
+        let bracket = Bracket { pictures: registered.pictures(), exposures: registered.exposures() };
+        engine.merge_bracket(&bracket, response, &mut self.picture)?;
+        self.bracket = bracket.pictures.len();
+        Ok(warped)
     }
 
     /// The merged picture, as seen from the newest frame.
@@ -70,7 +83,7 @@ impl Lighting {
         due: bool,
     ) -> Option<LightEstimate> {
         let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
-        if let (true, Some(pose), Some(ball)) = (due && self.sliding.is_full(), measured_pose, &rig.ball) {
+        if let (true, Some(pose), Some(ball)) = (due && self.bracket == self.quality.brackets, measured_pose, &rig.ball) {
             let job = LightJob::Ball {
                 picture: &self.picture,
                 lens: &rig.lens,

@@ -97,23 +97,17 @@ impl Pipeline {
     /// only a frame that does not fit the rig is an error.
     pub fn frame(&mut self, frame: &RawFrame) -> Result<FrameOutcome, PipelineError> {
         let lens = &self.rig.lens;
-        if (frame.pixels.width(), frame.pixels.height()) != (lens.width as usize, lens.height as usize) {
-            return Err(PipelineError::Setup(format!(
-                "frame {} is {}x{} pixels, the lens is calibrated for {}x{}",
-                frame.sequence,
-                frame.pixels.width(),
-                frame.pixels.height(),
-                lens.width,
-                lens.height
-            )));
-        }
         let mut stage_ms = [0.0f32; Stage::ALL.len()];
         let start = self.watch.now();
         let pose = self.tracker.track(frame)?;
         let tracked = self.watch.now();
-        self.lighting.register(frame, pose.as_ref());
-        let registered = self.watch.now();
-        self.lighting.merge(self.engine.as_mut(), &self.response)?;
+        let registered = self.lighting.gather(
+            frame,
+            pose.as_ref(),
+            self.engine.as_mut(),
+            &self.response,
+            self.watch.as_ref(),
+        )?;
         let merged = self.watch.now();
         let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
         let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
