@@ -49,6 +49,7 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
         rec709: settings.gray == crate::config::settings::GrayWeights::Rec709,
         filter_tau_s: settings.filter_tau_s,
         ball_on_surface: settings.ball_on_surface,
+        exposures_in_cycle: cycle.len(),
         shown_exposure,
         decimate: settings.decimate as f32,
         quad_sigma_px: settings.quad_sigma_px as f32,

@@ -23,6 +23,8 @@ pub struct Lighting {
     picture: HdrImage,
     quality: Quality,
     on_surface: bool,
+    /// Frames that make a whole bracket.
+    full_bracket: usize,
     /// Frames in the last bracket.
     bracket: usize,
     refused: u64,
@@ -42,6 +44,7 @@ impl Lighting {
             picture: HdrImage::default(),
             quality: options.quality,
             on_surface: options.ball_on_surface,
+            full_bracket: options.quality.brackets.min(options.exposures_in_cycle.max(1)),
             bracket: 0,
             refused: 0,
         }
@@ -83,7 +86,7 @@ impl Lighting {
         due: bool,
     ) -> Option<LightEstimate> {
         let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
-        if let (true, Some(pose), Some(ball)) = (due && self.bracket == self.quality.brackets, measured_pose, &rig.ball) {
+        if let (true, Some(pose), Some(ball)) = (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball) {
             let job = LightJob::Ball {
                 picture: &self.picture,
                 lens: &rig.lens,

@@ -55,6 +55,8 @@ pub struct Options {
     pub filter_tau_s: f64,
     /// Whether the ball stands on the surface z = 0.
     pub ball_on_surface: bool,
+    /// Different exposures that the camera goes through.
+    pub exposures_in_cycle: usize,
     /// Exposure of the shown picture.
     pub shown_exposure: Exposure,
     /// Tags are searched in a picture reduced by this.
