@@ -1,1 +1,493 @@
-//! (placeholder until this room is built)
+//! Camera calibrations: OpenCV's YAML (`%YAML:1.0`, `!!opencv-matrix`), ROS `camera_info` YAML, and plain lists
+//! `K: [nine numbers]`.
+//!
+//! All three put pixel *centres* at whole numbers; ours are at +0.5. So 0.5 is added to cx and cy, and a lens as
+//! loaded projects into our continuous pixels.
+
+use super::error::{AssetError, read_file};
+use crate::math::lens::{Distortion, Lens};
+use std::path::{Path, PathBuf};
+use yaml_rust2::{Yaml, YamlLoader};
+
+/// What turns an index of pixel centres into a continuous coordinate.
+const CENTRE_PX: f64 = 0.5;
+/// No calibration is larger; a larger file is something else.
+const MAX_BYTES: usize = 1 << 20;
+/// Deepest nesting, so that a hostile file cannot exhaust the stack.
+const MAX_DEPTH: usize = 32;
+/// Longest run of indentation and list dashes before a line's text, for the same reason.
+const MAX_INDENT: usize = 64;
+
+/// Key of a camera matrix, and keys under which its distortion may stand.
+const PAIRS: [(&str, &[&str]); 16] = [
+    ("camera_matrix", &["distortion_coefficients", "dist_coeffs", "dist_coeff", "distCoeffs"]),
+    ("cameraMatrix", &["distCoeffs", "distortion_coefficients", "dist_coeffs"]),
+    ("Camera_Matrix", &["Distortion_Coefficients"]),
+    ("cameraMatrix1", &["distCoeffs1"]),
+    ("cameraMatrix2", &["distCoeffs2"]),
+    ("M1", &["D1"]),
+    ("M2", &["D2"]),
+    ("K1", &["D1"]),
+    ("K2", &["D2"]),
+    ("M", &["D"]),
+    ("K", &["D", "distortion_coefficients", "dist_coeffs"]),
+    ("k", &["d"]),
+    ("mtx", &["dist"]),
+    ("intrinsic_matrix", &["distortion_coefficients"]),
+    ("camera_matrix_left", &["distortion_coefficients_left"]),
+    ("camera_matrix_right", &["distortion_coefficients_right"]),
+];
+const ALLOWED_KEYS: &str =
+    "a mapping with camera_matrix, cameraMatrix, M1, K1 or K, at the top or one level below it";
+
+/// Loads a lens. `path` may end in `#NAME`, where NAME is a camera matrix's key (`stereo.yml#M2`) or the section
+/// that holds one (`info.yaml#left`); without it the first camera of the file is taken.
+/// Width and height are 0 where the file does not state them: see `for_picture`.
+/// Fails on what cannot be read, is no YAML, or lacks a usable camera matrix, naming file, key and value.
+pub fn load(path: &Path) -> Result<Lens, AssetError> {
+    let (file, name) = split_name(path);
+    let bytes = read_file(&file)?;
+    parse(&bytes, name.as_deref(), path)
+}
+
+/// The lens for a picture of width x height: takes its size if the calibration states none; fails if it states
+/// another, since a picture that was scaled or cut has another camera matrix.
+pub fn for_picture(lens: Lens, width: usize, height: usize, path: &Path) -> Result<Lens, AssetError> {
+    let wanted = (u32::try_from(width).unwrap_or(u32::MAX), u32::try_from(height).unwrap_or(u32::MAX));
+    if (lens.width, lens.height) != (0, 0) && (lens.width, lens.height) != wanted {
+        return Err(AssetError::new(path, "image_width x image_height")
+            .value(format!("{} x {}", lens.width, lens.height))
+            .allowed(format!("the picture's own size, {width} x {height}")));
+    }
+    Ok(Lens { width: wanted.0, height: wanted.1, ..lens })
+}
+
+/// File and camera name of `FILE#NAME`; a file that exists under the whole name wins.
+fn split_name(path: &Path) -> (PathBuf, Option<String>) {
+    if let Some((file, name)) = path.to_str().and_then(|text| text.rsplit_once('#'))
+        && !path.exists()
+        && !name.is_empty()
+        && !name.contains('/')
+    {
+        return (PathBuf::from(file), Some(name.to_owned()));
+    }
+    (path.to_owned(), None)
+}
+
+/// The same from the file's bytes; `path` is only for messages. Never panics, whatever the bytes.
+pub fn parse(bytes: &[u8], name: Option<&str>, path: &Path) -> Result<Lens, AssetError> {
+    if bytes.len() > MAX_BYTES {
+        return Err(AssetError::new(path, "size").value(bytes.len()).allowed("at most 1 MiB"));
+    }
+    let text = std::str::from_utf8(bytes)
+        .map_err(|error| AssetError::new(path, "text").allowed("UTF-8").cause(error))?;
+    // OpenCV's `%YAML:1.0` is no directive that YAML knows.
+    let text = text.trim_start_matches('\u{feff}');
+    let text = match text.strip_prefix("%YAML") {
+        Some(rest) => rest.split_once('\n').map_or("", |(_, body)| body),
+        None => text,
+    };
+    check_shape(text, path)?;
+    let documents = YamlLoader::load_from_str(text)
+        .map_err(|error| AssetError::new(path, "YAML").cause(error.to_string()))?;
+    let cameras = documents.first().map(cameras_of).unwrap_or_default();
+    let named = |camera: &&Camera<'_>| {
+        name.is_none_or(|name| camera.key == name || camera.section.is_some_and(|s| s == name))
+    };
+    let Some(camera) = cameras.iter().find(named) else {
+        let error = AssetError::new(path, "camera");
+        let known: Vec<&str> = cameras.iter().map(|c| c.section.unwrap_or(c.key)).collect();
+        return Err(match (name, known.is_empty()) {
+            (Some(name), false) => {
+                error.value(name).allowed(format!("one of the file's: {}", known.join(", ")))
+            }
+            _ => AssetError::new(path, "camera matrix").value("none").allowed(ALLOWED_KEYS),
+        });
+    };
+    camera.lens(path)
+}
+
+/// Refuses what could exhaust stack or memory in any YAML reader: deep nesting, and aliases (which multiply).
+fn check_shape(text: &str, path: &Path) -> Result<(), AssetError> {
+    let (mut depth, mut anchors, mut aliases) = (0usize, false, false);
+    for line in text.lines().filter(|line| !line.trim_start().starts_with('#')) {
+        let indent = line.chars().take_while(|c| " \t-?:".contains(*c)).count();
+        for c in line.chars() {
+            match c {
+                '[' | '{' => depth += 1,
+                ']' | '}' => depth = depth.saturating_sub(1),
+                '&' => anchors = true,
+                '*' => aliases = true,
+                _ => {}
+            }
+            if depth > MAX_DEPTH {
+                return Err(AssetError::new(path, "nesting").allowed("at most 32 levels deep"));
+            }
+        }
+        if indent > MAX_INDENT {
+            return Err(AssetError::new(path, "indentation").value(indent).allowed("at most 64 columns"));
+        }
+    }
+    if anchors && aliases {
+        return Err(AssetError::new(path, "YAML anchors and aliases").allowed("written out"));
+    }
+    Ok(())
+}
+
+/// One camera of a file.
+struct Camera<'a> {
+    /// The mapping that holds it.
+    holder: &'a Yaml,
+    /// The key that holds that mapping, where it is not the top.
+    section: Option<&'a str>,
+    /// The key of its matrix.
+    key: &'static str,
+    distortion_keys: &'static [&'static str],
+}
+
+/// All cameras, in the order of the file at the top, then one level down.
+fn cameras_of(document: &Yaml) -> Vec<Camera<'_>> {
+    let mut cameras = Vec::new();
+    let mut add = |holder, section| {
+        for (key, distortion_keys) in PAIRS {
+            if get(holder, key).is_some() {
+                cameras.push(Camera { holder, section, key, distortion_keys });
+            }
+        }
+    };
+    add(document, None);
+    if let Yaml::Hash(sections) = document {
+        for (section, holder) in sections {
+            if let Some(section) = section.as_str() {
+                add(holder, Some(section));
+            }
+        }
+    }
+    cameras
+}
+
+fn get<'a>(holder: &'a Yaml, key: &str) -> Option<&'a Yaml> {
+    let Yaml::Hash(entries) = holder else { return None };
+    entries.iter().find(|(k, _)| k.as_str() == Some(key)).map(|(_, v)| v)
+}
+
+fn get_any<'a, 'k>(holder: &'a Yaml, keys: &[&'k str]) -> Option<(&'k str, &'a Yaml)> {
+    keys.iter().find_map(|key| get(holder, key).map(|v| (*key, v)))
+}
+
+/// A value as it stands in the file, short.
+fn shown(value: &Yaml) -> String {
+    match value {
+        Yaml::Real(s) | Yaml::String(s) => s.chars().take(40).collect(),
+        Yaml::Integer(i) => i.to_string(),
+        Yaml::Boolean(b) => b.to_string(),
+        Yaml::Array(items) => format!("a list of {}", items.len()),
+        Yaml::Hash(entries) => format!("a mapping of {}", entries.len()),
+        _ => "nothing".to_owned(),
+    }
+}
+
+fn number(value: &Yaml) -> Option<f64> {
+    match value {
+        Yaml::Integer(i) => Some(*i as f64),
+        other => other.as_f64(),
+    }
+    .filter(|x| x.is_finite())
+}
+
+impl Camera<'_> {
+    /// The key as a path, for messages.
+    fn path_of(&self, key: &str) -> String {
+        self.section.map_or_else(|| key.to_owned(), |section| format!("{section}.{key}"))
+    }
+
+    fn lens(&self, path: &Path) -> Result<Lens, AssetError> {
+        let error = |key: &str| AssetError::new(path, self.path_of(key));
+        let matrix = self.numbers(self.key, get(self.holder, self.key).unwrap_or(&Yaml::Null), path)?;
+        let Ok(k) = <[f64; 9]>::try_from(matrix) else {
+            return Err(error(self.key).value("not nine numbers").allowed("a 3x3 matrix, row by row"));
+        };
+        let [fx, skew, cx, zero_a, fy, cy, zero_b, zero_c, one] = k;
+        for (what, focal) in [("[0][0] (fx)", fx), ("[1][1] (fy)", fy)] {
+            if focal <= 0.0 {
+                return Err(error(&format!("{}{what}", self.key)).value(focal).allowed("above 0 pixels"));
+            }
+        }
+        if skew.abs() > 1e-4 * fx {
+            return Err(error(&format!("{}[0][1] (skew)", self.key)).value(skew).allowed("0"));
+        }
+        if (zero_a, zero_b, zero_c, one) != (0.0, 0.0, 0.0, 1.0) {
+            return Err(error(self.key)
+                .value(format!("last row {zero_b} {zero_c} {one}, first of the second {zero_a}"))
+                .allowed("fx 0 cx, 0 fy cy, 0 0 1"));
+        }
+        let (width, height) = self.size(path)?;
+        let distortion = self.distortion(path)?;
+        Ok(Lens { width, height, fx, fy, cx: cx + CENTRE_PX, cy: cy + CENTRE_PX, distortion })
+    }
+
+    /// The numbers of a matrix, given as `{rows, cols, data}`, as a list, or as a list of rows.
+    fn numbers(&self, key: &str, value: &Yaml, path: &Path) -> Result<Vec<f64>, AssetError> {
+        let error = |what: String| AssetError::new(path, self.path_of(&what));
+        let (list_key, list) = match get(value, "data") {
+            Some(data) => (format!("{key}.data"), data),
+            None => (key.to_owned(), value),
+        };
+        let Yaml::Array(items) = list else {
+            return Err(error(list_key).value(shown(list)).allowed("a list of numbers"));
+        };
+        let mut numbers = Vec::with_capacity(items.len());
+        for (i, item) in items.iter().enumerate() {
+            let row = if let Yaml::Array(row) = item { row.as_slice() } else { std::slice::from_ref(item) };
+            for x in row {
+                let Some(x) = number(x) else {
+                    return Err(error(format!("{list_key}[{i}]")).value(shown(x)).allowed("a finite number"));
+                };
+                numbers.push(x);
+            }
+        }
+        if let (Some(rows), Some(cols)) = (get(value, "rows"), get(value, "cols")) {
+            let stated = rows.as_i64().zip(cols.as_i64()).and_then(|(r, c)| r.checked_mul(c));
+            if stated != Some(numbers.len() as i64) {
+                return Err(error(list_key).value(format!("{} numbers", numbers.len())).allowed(format!(
+                    "rows x cols = {} x {} of them",
+                    shown(rows),
+                    shown(cols)
+                )));
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// Width and height; both 0 where neither is stated, at the camera or at the top.
+    fn size(&self, path: &Path) -> Result<(u32, u32), AssetError> {
+        let mut sides = [0u32; 2];
+        for (side, keys) in sides.iter_mut().zip([["image_width", "width"], ["image_height", "height"]]) {
+            if let Some((key, value)) = get_any(self.holder, &keys) {
+                *side = number(value)
+                    .filter(|x| x.fract() == 0.0 && (1.0..=65_535.0).contains(x))
+                    .ok_or_else(|| {
+                        AssetError::new(path, self.path_of(key))
+                            .value(shown(value))
+                            .allowed("a whole number of pixels within 1..=65535")
+                    })? as u32;
+            }
+        }
+        match sides {
+            [0, 0] => Ok((0, 0)),
+            [0, _] | [_, 0] => Err(AssetError::new(path, self.path_of("image_width, image_height"))
+                .value("only one of them")
+                .allowed("both or neither")),
+            [width, height] => Ok((width, height)),
+        }
+    }
+
+    fn distortion(&self, path: &Path) -> Result<Distortion, AssetError> {
+        let Some((key, value)) = get_any(self.holder, self.distortion_keys) else {
+            return Ok(Distortion::None);
+        };
+        let coefficients = self.numbers(key, value, path)?;
+        let model = match get(self.holder, "distortion_model") {
+            Some(Yaml::String(model)) => model.as_str(),
+            Some(Yaml::Null) | None => "",
+            Some(other) => {
+                return Err(AssetError::new(path, self.path_of("distortion_model"))
+                    .value(shown(other))
+                    .allowed(MODELS));
+            }
+        };
+        let fisheye = get(self.holder, "fisheye_model").and_then(Yaml::as_i64).is_some_and(|f| f != 0);
+        if coefficients.iter().all(|c| *c == 0.0) && !(fisheye || is_equidistant(model)) {
+            return Ok(Distortion::None);
+        }
+        let count = |allowed: &str| {
+            AssetError::new(path, self.path_of(key))
+                .value(format!("{} coefficients", coefficients.len()))
+                .allowed(allowed.to_owned())
+        };
+        if fisheye || is_equidistant(model) {
+            let four = <[f64; 4]>::try_from(coefficients.as_slice());
+            return four
+                .map(Distortion::Equidistant)
+                .map_err(|_not_four| count("k1 k2 k3 k4 for an equidistant fisheye"));
+        }
+        if !["", "plumb_bob", "rational_polynomial", "radtan"].contains(&model) {
+            return Err(AssetError::new(path, self.path_of("distortion_model")).value(model).allowed(MODELS));
+        }
+        if !matches!(coefficients.len(), 4 | 5 | 8 | 12 | 14) {
+            return Err(count("k1 k2 p1 p2 [k3 [k4 k5 k6 [s1..s4 [tx ty]]]]: 4, 5, 8, 12 or 14 of them"));
+        }
+        if let Some(extra) = coefficients.iter().skip(8).find(|c| **c != 0.0) {
+            return Err(AssetError::new(path, self.path_of(key))
+                .value(format!("a thin prism or tilt coefficient of {extra}"))
+                .allowed("0 from the ninth coefficient on (such lenses are not modelled)"));
+        }
+        let mut k = [0.0; 8];
+        for (k, c) in k.iter_mut().zip(&coefficients) {
+            *k = *c;
+        }
+        Ok(Distortion::RadialTangential(k))
+    }
+}
+
+const MODELS: &str = "plumb_bob, rational_polynomial or equidistant";
+
+fn is_equidistant(model: &str) -> bool {
+    ["equidistant", "fisheye", "kannala_brandt"].contains(&model)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPENCV: &str = "%YAML:1.0
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 5.35e+02, 0., 3.42e+02, 0., 5.36e+02, 2.35e+02, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -2.6e-01, -3.8e-02, 1.7e-03, -2.8e-04, 2.3e-01 ]
+";
+    const STEREO: &str = "%YAML:1.0
+M1: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 534., 0., 335., 0., 534., 240., 0., 0., 1. ]
+D1: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 0., 0., 0., 0., 0. ]
+M2: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 544., 0., 334., 0., 544., 242., 0., 0., 1. ]
+D2: !!opencv-matrix
+   rows: 1
+   cols: 4
+   dt: d
+   data: [ -0.1, 0.2, 0., 0. ]
+";
+    const ROS: &str = "image_width: 752
+image_height: 480
+camera_name: front
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [400.5, 0, 370.25, 0, 401, 240, 0, 0, 1]
+distortion_model: equidistant
+distortion_coefficients:
+  rows: 1
+  cols: 4
+  data: [-0.01, 0.02, -0.003, 0.0004]
+rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
+";
+    const LISTS: &str = "a:
+  file: one.png
+  K: [336.7, 0.0, 333.3, 0.0, 336.0, 212.7, 0.0, 0.0, 1.0]
+  height: 480
+  width: 640
+b:
+  K: [[329.8, 0.0, 528.0], [0.0, 332.9, 396.0], [0.0, 0.0, 1.0]]
+";
+
+    fn read(text: &str, name: Option<&str>) -> Result<Lens, String> {
+        parse(text.as_bytes(), name, Path::new("cam.yml")).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn half_a_pixel_is_added_to_the_principal_point() {
+        let k = [-0.26, -0.038, 0.0017, -0.00028, 0.23, 0.0, 0.0, 0.0];
+        let want = Lens {
+            distortion: Distortion::RadialTangential(k),
+            ..Lens::pinhole(640, 480, 535.0, 536.0, 342.5, 235.5)
+        };
+        assert_eq!(read(OPENCV, None), Ok(want));
+    }
+
+    #[test]
+    fn several_cameras_go_by_name() {
+        let first = Lens::pinhole(0, 0, 534.0, 534.0, 335.5, 240.5);
+        assert_eq!(read(STEREO, None), Ok(first));
+        assert_eq!(read(STEREO, Some("M1")), Ok(first));
+        let second = read(STEREO, Some("M2")).unwrap();
+        assert_eq!((second.fx, second.cx), (544.0, 334.5));
+        let k = [-0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(second.distortion, Distortion::RadialTangential(k));
+        let error = read(STEREO, Some("M3")).unwrap_err();
+        assert_eq!(error, "cam.yml: camera = M3: must be one of the file's: M1, M2");
+        assert_eq!(read(LISTS, None).unwrap().cx, 333.8);
+        assert_eq!(read(LISTS, Some("b")), Ok(Lens::pinhole(0, 0, 329.8, 332.9, 528.5, 396.5)));
+    }
+
+    #[test]
+    fn ros_camera_info_with_a_fisheye() {
+        let want = Lens {
+            distortion: Distortion::Equidistant([-0.01, 0.02, -0.003, 0.0004]),
+            ..Lens::pinhole(752, 480, 400.5, 401.0, 370.75, 240.5)
+        };
+        assert_eq!(read(ROS, None), Ok(want));
+        let rational = ROS
+            .replace("equidistant", "rational_polynomial")
+            .replace("cols: 4", "cols: 8")
+            .replace("0.0004]", "0.0004, 1, 2, 3, 4]");
+        let k = [-0.01, 0.02, -0.003, 0.0004, 1.0, 2.0, 3.0, 4.0];
+        assert_eq!(read(&rational, None).unwrap().distortion, Distortion::RadialTangential(k));
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (from, to, want) in [
+            ("5.35e+02", "-3", "cam.yml: camera_matrix[0][0] (fx) = -3: must be above 0 pixels"),
+            ("5.35e+02", "x", "cam.yml: camera_matrix.data[0] = x: must be a finite number"),
+            ("5.35e+02", ".inf", "cam.yml: camera_matrix.data[0] = .inf: must be a finite number"),
+            ("5.35e+02, 0.,", "5.35e+02, 7,", "cam.yml: camera_matrix[0][1] (skew) = 7: must be 0"),
+            ("1. ]", "1., 1. ]", "10 numbers: must be rows x cols = 3 x 3 of them"),
+            ("2.3e-01 ]", "2.3e-01, 4 ]", "6 numbers: must be rows x cols = 5 x 1 of them"),
+            ("image_width: 640", "image_width: 0", "image_width = 0: must be a whole number of pixels"),
+            ("image_width: 640", "n: 3", "image_width, image_height = only one of them: must be both"),
+            ("camera_matrix:", "matrix:", "camera matrix = none: must be a mapping with camera_matrix"),
+            ("5.35e+02, 0.,", "5.35e+02, *a, &b", "YAML anchors and aliases: must be written out"),
+            ("[ 5.35", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ 5.35", "nesting: must be at most 32 levels deep"),
+            (
+                "---",
+                "- - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - -",
+                "indentation = ",
+            ),
+            ("data: [", "data: {", "YAML"),
+        ] {
+            assert!(OPENCV.contains(from), "{from}");
+            let error = read(&OPENCV.replacen(from, to, 1), None).unwrap_err();
+            assert!(error.contains(want), "{to}: {error}");
+        }
+        let model = ROS.replace("equidistant", "fov");
+        let error = read(&model, None).unwrap_err();
+        assert_eq!(
+            error,
+            "cam.yml: distortion_model = fov: must be plumb_bob, rational_polynomial or equidistant"
+        );
+        assert!(parse(&[0xff, 0xfe], None, Path::new("x")).unwrap_err().to_string().contains("UTF-8"));
+        assert!(parse(&vec![b' '; MAX_BYTES + 1], None, Path::new("x")).is_err());
+        let missing = load(Path::new("/nowhere/cam.yml#M1")).unwrap_err().to_string();
+        assert!(missing.starts_with("/nowhere/cam.yml: cannot be opened"), "{missing}");
+    }
+
+    #[test]
+    fn the_picture_gives_or_must_agree_with_the_size() {
+        let unknown = Lens::pinhole(0, 0, 1.0, 1.0, 0.5, 0.5);
+        let sized = for_picture(unknown, 640, 480, Path::new("a")).unwrap();
+        assert_eq!((sized.width, sized.height), (640, 480));
+        assert!(for_picture(sized, 640, 480, Path::new("a")).is_ok());
+        let error = for_picture(sized, 320, 240, Path::new("a")).unwrap_err().to_string();
+        assert!(error.contains("640 x 480: must be the picture's own size, 320 x 240"), "{error}");
+    }
+}

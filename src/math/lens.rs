@@ -210,13 +210,13 @@ mod radial {
         let (mut distorted, mut jacobian) = distort(k, point);
         let mut error = (distorted - target).length();
         for _ in 0..40 {
-            // Go on past the tolerance while it still helps: the last steps are nearly free.
             if error == 0.0 {
                 break;
             }
             let mut step = jacobian.inverse() * (target - distorted);
             let mut better = false;
-            for _ in 0..12 {
+            // Within the tolerance whole steps are taken while they still help: they are nearly free.
+            for _ in 0..if error <= TOLERANCE { 1 } else { 12 } {
                 let next = distort(k, point + step);
                 let next_error = (next.0 - target).length();
                 if next_error < error {

@@ -1,0 +1,191 @@
+//! The shared golden numbers for the stages: factorisation, shading and the merge of brackets. What is written for
+//! f32 alone is held to the f32 tolerances.
+
+#[path = "support/golden.rs"]
+mod golden;
+mod support;
+
+use glam::{DVec3, Vec3};
+use golden::{Entry, Precision, numbers};
+use halflight::compose::geometry::MaterialTerms;
+use halflight::compose::shade_object::{LightTerms, ObjectPoint, shade};
+use halflight::hdr::merge_bracket::merge_bracket;
+use halflight::light::project_sh::project_sh;
+use halflight::light::split::{Estimator, SplitOptions, factor, irradiance, split};
+use halflight::math::quadrature;
+use halflight::math::sh::{MAX_COEFFICIENTS, basis, zonal};
+use halflight::model::frame::Exposure;
+use halflight::model::image::{HdrImage, Image, LOWER_BOUND, UPPER_BOUND};
+use halflight::model::light::{RadianceSamples, RadianceSh};
+use halflight::model::response::Response;
+use halflight::model::scene::Material;
+
+/// The file's L_rgb, three lists, as rows of r, g, b.
+fn rows<T: Precision>(entry: &Entry) -> Vec<[T; 3]> {
+    let flat = entry.list::<T>("L_rgb");
+    let count = flat.len() / 3;
+    (0..count).map(|i| [flat[i], flat[count + i], flat[2 * count + i]]).collect()
+}
+
+fn weights<T: Precision>(entry: &Entry) -> [T; 3] {
+    let weights = entry.list::<T>("gray_weights");
+    [weights[0], weights[1], weights[2]]
+}
+
+fn factorisation<T: Precision>(entry: &Entry) {
+    let order = entry.count("order");
+    let light = rows::<T>(entry);
+    let got = factor(order, &light, weights(entry), entry.number("anisotropy_threshold"));
+    let direction = got.dominant.direction;
+    assert_eq!(direction.is_some(), entry.expected["dominant"] == true, "{}", entry.id);
+    entry.check_key("direction", direction.as_ref().map(|d| &d[..]));
+    let residual: Vec<T> =
+        (0..3).flat_map(|c| got.residual_rgb[..light.len()].iter().map(move |row| row[c])).collect();
+    let Some(direction) = direction else {
+        entry.check("E_d", &entry.expected["E_d"]["band1"], Some(&got.irradiance_rgb));
+        entry.check("residual", &entry.expected["residual"]["band1"], Some(&residual));
+        return;
+    };
+    entry.check_key("anisotropy", Some(&[got.dominant.anisotropy]));
+    entry.check("E_d", &entry.expected["E_d"]["band1_clamped"], Some(&got.irradiance_rgb));
+    let alpha = zonal::alpha::<T>(order);
+    for (name, estimator) in
+        [("band1", Estimator::Band1), ("all", Estimator::AllBands), ("nonDC", Estimator::NonConstant)]
+    {
+        let e = irradiance(order, &light, direction, estimator);
+        entry.check(name, &entry.expected["E_d"][name], Some(&e));
+        entry.check(name, &entry.expected["c_paper"][name], Some(&e.map(|e| e / alpha)));
+    }
+    // The file takes out E_d before it is clamped. Where clamping changed nothing it must be our residual; where it
+    // did, nothing was taken out and ours is the light itself.
+    let unclamped = irradiance(order, &light, direction, Estimator::Band1);
+    let mut y = [T::zero(); MAX_COEFFICIENTS];
+    basis::evaluate(order, direction, &mut y);
+    let mut as_in_file = residual.clone();
+    for c in 0..3 {
+        let channel = &mut as_in_file[c * light.len()..(c + 1) * light.len()];
+        if unclamped[c] < T::zero() {
+            for (i, value) in channel.iter_mut().enumerate() {
+                assert_eq!(*value, light[i][c], "{}: a clamped channel keeps its light", entry.id);
+                *value = light[i][c] - unclamped[c] * y[i];
+            }
+        }
+    }
+    entry.check("residual", &entry.expected["residual"]["band1"], Some(&as_in_file));
+}
+
+fn shading<T: Precision>(entry: &Entry) {
+    let order = entry.count("order");
+    let light = rows::<T>(entry);
+    let axis = entry.direction::<T>("axis");
+    let got = factor(order, &light, weights(entry), T::of(1e-3));
+    let direction = got.dominant.direction.unwrap_or_else(|| panic!("{}: no direction", entry.id));
+    let cosine = axis[0] * direction[0] + axis[1] * direction[1] + axis[2] * direction[2];
+    let mut zonal_lobe = vec![T::zero(); order];
+    let exponent = T::of(40.0);
+    let (lobe, lambert) = match entry.id {
+        "shade.0" => {
+            zonal::lambert(order, &mut zonal_lobe);
+            (cosine.max(T::zero()) / T::PI(), true)
+        }
+        "shade.3" => {
+            zonal::phong(order, exponent, zonal::PhongNorm::Paper, &mut zonal_lobe);
+            let scale = zonal::phong_scale(exponent, zonal::PhongNorm::Paper);
+            (scale * zonal::phong_lobe(cosine, exponent), false)
+        }
+        _ => panic!("{}: no test for it", entry.id),
+    };
+    let mut f = vec![T::zero(); order * order];
+    zonal::rotate(&zonal_lobe, axis, &mut f);
+    let under = |light: &[[T; 3]]| -> [T; 3] {
+        std::array::from_fn(|c| light.iter().zip(&f).fold(T::zero(), |sum, (row, f)| sum + row[c] * *f))
+    };
+    let direct = got.irradiance_rgb.map(|e| e * lobe);
+    let indirect = under(&got.residual_rgb[..order * order]);
+    let total: [T; 3] = std::array::from_fn(|c| direct[c] + indirect[c]);
+    entry.check_key("direct", Some(&direct));
+    entry.check_key("indirect", Some(&indirect));
+    entry.check_key("total", Some(&total));
+    entry.check_key("sh_only", Some(&under(&light)));
+    // c max(0, cos)^s with neither alpha nor the lobe's norm: the pair that Table 1 prints, and that we do not use.
+    let alpha = zonal::alpha::<T>(order);
+    let bare = if lambert { cosine.max(T::zero()) } else { zonal::phong_lobe(cosine, exponent) };
+    entry.check_key("direct_paper_literal", Some(&got.irradiance_rgb.map(|e| e / alpha * bare)));
+}
+
+/// The kernel that the frames run, which is in f32: the whole way from SH to the shade.
+fn shading_kernel(entry: &Entry) {
+    let mut light = RadianceSh::zero(entry.count("order"));
+    for (slot, row) in light.rgb.iter_mut().zip(rows::<f32>(entry)) {
+        *slot = row;
+    }
+    let split = split(&light, &SplitOptions { gray_weights: weights(entry), ..SplitOptions::default() });
+    let axis = Vec3::from(entry.direction::<f32>("axis"));
+    // Seen along the normal the mirrored view is the normal, so that it is the axis of both lobes.
+    let point = ObjectPoint { normal: axis, to_eye: axis, tint_openness: [1.0; 4], visibility: 1.0 };
+    let lambert = entry.id == "shade.0";
+    let material = if lambert {
+        Material::Lambert { albedo_rgb: [1.0; 3] }
+    } else {
+        Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [1.0; 3], exponent: 40.0 }
+    };
+    // The kernel's Phong lobe has the energy-safe norm, (s+1)/(s+2) of the file's.
+    let norm = if lambert { 1.0 } else { 41.0 / 42.0 };
+    let got = shade(&LightTerms::of(&split), &MaterialTerms::of(&material), &point).map(|v| v / norm);
+    entry.check_key("total", Some(&got));
+}
+
+fn merging(entry: &Entry) {
+    let g = std::array::from_fn(|z| (2.2 * (z as f64).max(0.5).ln() - 2.2 * 255.0_f64.ln()) as f32);
+    let response = Response::new([g; 3]).unwrap_or_else(|| panic!("{}: response", entry.id));
+    let pictures: Vec<_> =
+        numbers(&entry.inputs["pixels"]).into_iter().map(|z| Image::filled(1, 1, [z as u8; 3])).collect();
+    let exposures: Vec<_> = numbers(&entry.inputs["exposure_s"])
+        .into_iter()
+        .map(|time_s| Exposure { time_s, gain: 1.0 })
+        .collect();
+    let mut out = HdrImage::default();
+    merge_bracket(&pictures.iter().collect::<Vec<_>>(), &exposures, &response, &mut out)
+        .unwrap_or_else(|e| panic!("{}: {e}", entry.id));
+    let flag = match entry.expected["flag"].as_str() {
+        Some("ok") => 0,
+        Some("underexposed_upper_bound") => UPPER_BOUND,
+        Some("saturated_lower_bound" | "overexposed_lower_bound") => LOWER_BOUND,
+        other => panic!("{}: unknown flag {other:?}", entry.id),
+    };
+    assert_eq!(out.flags.pixels(), &[flag], "{}", entry.id);
+    for channel in *out.radiance.at(0, 0) {
+        entry.check_key("E", Some(&[channel]));
+        entry.check_key("lnE", Some(&[channel.ln()]));
+    }
+}
+
+/// The kernel's fixed tree over samples, which is in f32.
+fn projection_kernel(entry: &Entry) {
+    let kappa = entry.number::<f64>("kappa");
+    let axis = DVec3::from(entry.direction::<f64>("axis"));
+    let mut samples = RadianceSamples::default();
+    // Degree 60 has converged long before f32's rounding.
+    for (direction, weight) in quadrature::sphere(60) {
+        let [x, y, z] = direction.map(|v| v as f32);
+        let lobe = (kappa * (DVec3::from(direction).dot(axis) - 1.0)).exp() as f32;
+        samples.directions.push([x, y, z, weight as f32]);
+        samples.radiance.push([lobe, 2.0 * lobe, 0.0, 0.0]);
+    }
+    let got = project_sh(&samples, entry.count("order"));
+    let channel = |c: usize, scale: f32| got.rows().iter().map(|row| row[c] / scale).collect::<Vec<_>>();
+    entry.check_key("sh", Some(&channel(0, 1.0)));
+    entry.check_key("sh", Some(&channel(1, 2.0)));
+    assert!(channel(2, 1.0).iter().all(|v| *v == 0.0), "{}: a dark channel stays dark", entry.id);
+}
+
+#[test]
+fn golden_stages() {
+    let Some(shared) = support::shared("golden_stages") else { return };
+    golden::run(
+        &shared,
+        &[("factor", factorisation::<f64>, factorisation::<f32>), ("shade", shading::<f64>, shading::<f32>)],
+        &[],
+    );
+    golden::run_f32(&shared, &[("shade", shading_kernel), ("hdr", merging), ("project", projection_kernel)]);
+}
