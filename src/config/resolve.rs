@@ -5,6 +5,7 @@ use super::{
     keys::{KEYS, Key},
     settings::Settings,
 };
+use crate::math::edit_distance::nearest;
 use toml::Table;
 
 /// Every mistake in one file.
@@ -32,29 +33,11 @@ fn out_of_range(name: &str, key: &Key, value: &toml::Value) -> String {
 }
 
 fn unknown(name: &str, key: &str, value: &toml::Value) -> String {
-    let nearest = KEYS.iter().map(|k| (distance(key, k.name), k.name)).min();
-    match nearest {
-        Some((edits, found)) if edits <= key.len().max(found.len()) / 2 => {
-            format!("{name}: {key} = {value}: no such key; did you mean {found}?")
-        }
-        _ => format!("{name}: {key} = {value}: no such key; config/default.toml lists all"),
+    let names: Vec<&str> = KEYS.iter().map(|k| k.name).collect();
+    match nearest(key, &names) {
+        Some(found) => format!("{name}: {key} = {value}: no such key; did you mean {found}?"),
+        None => format!("{name}: {key} = {value}: no such key; config/default.toml lists all"),
     }
-}
-
-/// Edits (insert, delete, replace) between two words: Levenshtein's distance.
-pub fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let replace = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = replace.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -112,12 +95,5 @@ mod tests {
             let errors = resolve_text(&format!("[light]\nfilter_tau_s = {bad}")).unwrap_err();
             assert!(errors.to_string().contains("light.filter_tau_s"), "{errors}");
         }
-    }
-
-    #[test]
-    fn distance_counts_edits() {
-        assert_eq!(distance("pcf_tap", "pcf_taps"), 1);
-        assert_eq!(distance("", "abc"), 3);
-        assert_eq!(distance("kitten", "sitting"), 3);
     }
 }
