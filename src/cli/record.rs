@@ -1,12 +1,199 @@
 //! `halflight record`
 
-use super::{CliError, Common};
+use super::{CliError, Common, common::PixelDigest};
+use crate::device::clock::MonotonicClock;
+use crate::device::record::{ImuRecorder, Recorder, Tape};
+use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
+use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Truth, open};
+use crate::model::frame::Exposure;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+
+/// How pictures are stored.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub struct Coding {
+    /// Store pictures as JPEG of this quality, 1 to 100 (about 100 kB a frame of 640x480 at 93).
+    #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
+    jpeg: Option<u8>,
+    /// Store pictures as PNG: exact.
+    #[arg(long, conflicts_with = "jpeg")]
+    png: bool,
+    /// Store pictures as they are: exact.
+    #[arg(long, conflicts_with_all = ["jpeg", "png"])]
+    raw: bool,
+}
+
+impl Coding {
+    /// What was chosen.
+    pub fn chosen(&self) -> Result<PictureCoding, CliError> {
+        Ok(match (self.raw, self.png, self.jpeg) {
+            (true, ..) => PictureCoding::Raw,
+            (_, true, _) => PictureCoding::Png,
+            (.., quality) => PictureCoding::Jpeg(quality.unwrap_or(93)),
+        })
+    }
+}
 
 /// Arguments of `halflight record`.
+///
+/// Example: halflight record synthetic:frames=30,seed=4 --out room.mcap --png
 #[derive(clap::Args, Debug)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// The device, e.g. synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
+    device: String,
+    /// The recording to write (MCAP).
+    #[arg(long, value_name = "FILE.mcap")]
+    out: PathBuf,
+    /// Stop after so many seconds of the camera's time.
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Stop after so many frames.
+    #[arg(long)]
+    frames: Option<u64>,
+    /// How pictures are stored (default: --jpeg 93).
+    #[command(flatten)]
+    coding: Coding,
+}
+
+/// When to stop; a source that ends stops too.
+pub struct Limit {
+    /// After so many frames.
+    pub frames: Option<u64>,
+    /// After so many seconds since the first frame.
+    pub seconds: Option<f64>,
+}
+
+/// What passed.
+#[derive(Default)]
+pub struct Seen {
+    frames: u64,
+    imu_samples: usize,
+    size: (usize, usize),
+    exposures: Vec<Exposure>,
+    span_s: f64,
+    truth: Option<Truth>,
+    digest: PixelDigest,
+}
+
+/// A frame that does not come within this time is given up.
+const PATIENCE_S: f64 = 5.0;
+
+/// Draws frames and samples through the tees until the limit, with a progress bar.
+pub fn pump(
+    frames: &mut dyn FrameSource,
+    mut imu: Option<&mut dyn ImuSource>,
+    limit: &Limit,
+    expected: u64,
+) -> Result<Seen, CliError> {
+    let bar = ProgressBar::new(expected);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    let clock = MonotonicClock::new();
+    let mut seen = Seen::default();
+    let mut samples = Vec::new();
+    let mut first = None;
+    while limit.frames.is_none_or(|most| seen.frames < most) {
+        let deadline = clock.now().plus_seconds(PATIENCE_S);
+        let frame = match frames.next_frame(deadline) {
+            Ok(frame) => frame,
+            Err(error) if error.kind == ErrorKind::Ended => break,
+            Err(error) => return Err(CliError(error.to_string())),
+        };
+        let start = *first.get_or_insert(frame.t_mid);
+        seen.span_s = frame.t_mid.seconds_since(start);
+        seen.size = (frame.pixels.width(), frame.pixels.height());
+        if !seen.exposures.contains(&frame.exposure) {
+            seen.exposures.push(frame.exposure);
+        }
+        seen.digest.add_bytes(frame.pixels.pixels());
+        seen.frames += 1;
+        if let Some(imu) = imu.as_deref_mut() {
+            samples.clear();
+            imu.samples_until(frame.t_mid, &mut samples).map_err(|e| CliError(e.to_string()))?;
+            seen.imu_samples += samples.len();
+        }
+        bar.inc(1);
+        if limit.seconds.is_some_and(|most| seen.span_s >= most) {
+            break;
+        }
+    }
+    seen.truth = frames.truth();
+    bar.finish_and_clear();
+    Ok(seen)
+}
+
+/// Closes the file and says what is in it.
+pub fn report(
+    verb: &str,
+    out: &Path,
+    tape: &Tape,
+    seen: Seen,
+    coding: PictureCoding,
+    common: &Common,
+) -> Result<(), CliError> {
+    let (written, target) = tape.finish().map_err(|e| CliError::on(verb, e))?;
+    drop(target);
+    let bytes = std::fs::metadata(out).map(|m| m.len()).unwrap_or(0);
+    let times: Vec<f64> = seen.exposures.iter().map(|e| e.time_s).collect();
+    let (width, height) = seen.size;
+    let to_light = seen.truth.map(|truth| truth.to_light_world);
+    let digest = common.digest.then(|| seen.digest.hex());
+    if common.json {
+        let report = serde_json::json!({
+            "file": out, "bytes": bytes, "frames": written.frames, "imu_samples": written.imu_samples,
+            "chunks": written.chunks, "width_px": width, "height_px": height, "exposures_s": times,
+            "span_s": seen.span_s, "coding": format!("{coding:?}"), "to_light_world": to_light, "digest": digest,
+        });
+        println!("{report}");
+        return Ok(());
+    }
+    println!(
+        "{}: {:.2} MB, {} frames of {width}x{height} over {:.2} s as {coding:?}, {} inertial samples, {} chunks",
+        out.display(),
+        bytes as f64 * 1e-6,
+        written.frames,
+        seen.span_s,
+        written.imu_samples,
+        written.chunks
+    );
+    let times: Vec<String> = times.iter().map(|t| format!("1/{:.0}", 1.0 / t)).collect();
+    println!("exposures: {} s", times.join(", "));
+    if let Some([x, y, z]) = to_light {
+        println!(
+            "true dominant light from ({x:.4}, {y:.4}, {z:.4}), {:.1} degrees high",
+            z.asin().to_degrees()
+        );
+    }
+    if let Some(digest) = digest {
+        println!("digest {digest}");
+    }
+    Ok(())
+}
 
 /// Runs `halflight record`.
-pub fn run(_arguments: Arguments, _common: &Common) -> Result<(), CliError> {
-    Err(CliError::on("record", "this build lacks the verb"))
+pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    let a = &arguments;
+    if let Some(seconds) = a.seconds.filter(|s| !(*s > 0.0 && s.is_finite())) {
+        return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
+    }
+    let coding = a.coding.chosen()?;
+    let opened = open::open(&a.device).map_err(|e| CliError(e.to_string()))?;
+    let setup = Setup {
+        rig: opened.frames.rig(),
+        response: opened.frames.response(),
+        imu_truth: opened.imu.as_ref().and_then(|imu| imu.imu_truth()),
+    };
+    if setup.rig.is_none() {
+        tracing::warn!("{} states no lens: the recording will have no calibration", a.device);
+    }
+    let expected = a.frames.or(opened.frames.frames_left()).unwrap_or(0);
+    let writer = RecordingWriter::create(&a.out, coding, setup).map_err(|e| CliError(e.to_string()))?;
+    let tape = Tape::new(writer);
+    let mut frames = Recorder::new(opened.frames, tape.clone());
+    let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
+    let limit = Limit { frames: a.frames, seconds: a.seconds };
+    let tee = imu.as_mut().map(|imu| imu as &mut dyn ImuSource);
+    let seen = pump(&mut frames, tee, &limit, expected)?;
+    report("record", &a.out, &tape, seen, coding, common)
 }

@@ -91,3 +91,39 @@ pub struct ImuTruth {
     /// Standard deviation of one accelerometer sample, m/s^2.
     pub accel_noise_m_s2: f64,
 }
+
+impl FrameSource for Box<dyn FrameSource> {
+    fn next_frame(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        (**self).next_frame(deadline)
+    }
+
+    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+        (**self).set_exposures(exposures)
+    }
+
+    fn rig(&self) -> Option<Rig> {
+        (**self).rig()
+    }
+
+    fn response(&self) -> Option<crate::model::response::Response> {
+        (**self).response()
+    }
+
+    fn frames_left(&self) -> Option<u64> {
+        (**self).frames_left()
+    }
+
+    fn truth(&mut self) -> Option<Truth> {
+        (**self).truth()
+    }
+}
+
+impl ImuSource for Box<dyn ImuSource> {
+    fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError> {
+        (**self).samples_until(until, out)
+    }
+
+    fn imu_truth(&self) -> Option<ImuTruth> {
+        (**self).imu_truth()
+    }
+}

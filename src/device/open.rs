@@ -1,6 +1,6 @@
 //! The one place where a name becomes a device.
 
-use super::{DeviceError, ErrorKind, FrameSource, ImuSource, parameters::nearest, synthetic};
+use super::{DeviceError, ErrorKind, FrameSource, ImuSource, parameters::nearest, replay, synthetic};
 
 /// An opened camera, with its inertial sensor where it has one.
 pub struct Opened {
@@ -25,6 +25,10 @@ pub fn open(name: &str) -> Result<Opened, DeviceError> {
         "synthetic" => {
             let (frames, imu) = synthetic::open(&synthetic::Options::parse(rest)?);
             Ok(Opened { frames: Box::new(frames), imu: Some(Box::new(imu)) })
+        }
+        "replay" => {
+            let (frames, imu) = replay::open(&replay::ReplayOptions::parse(rest)?)?;
+            Ok(Opened { frames: Box::new(frames), imu: imu.map(|imu| Box::new(imu) as Box<dyn ImuSource>) })
         }
         _ => {
             let hint =
@@ -52,6 +56,7 @@ mod tests {
         assert!(refusal("synthetik:frames=3").contains("did you mean \"synthetic:\"?"));
         assert!(refusal("/dev/video0").contains("Known: synthetic:"));
         assert!(refusal("").contains("Known: synthetic:"));
+        assert!(refusal("no/such/file.mcap").contains("replay:no/such/file.mcap: open the file"));
         assert!(refusal("synthetic:frame=3").contains("did you mean \"frames\"?"));
     }
 }

@@ -1,1 +1,128 @@
-//! (placeholder until this room is built)
+//! `record`: a tee on any door. What passes through is written; what cannot be written still passes.
+
+use super::recording::{RecordingWriter, Written};
+use super::{DeviceError, FrameSource, ImuSource, ImuTruth, Truth};
+use crate::model::{
+    frame::{Exposure, RawFrame},
+    imu::ImuSample,
+    response::Response,
+    rig::Rig,
+    time::Timestamp,
+};
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The file behind a frame tee and an IMU tee.
+pub struct Tape<W: Write + Seek = BufWriter<File>>(Arc<Mutex<State<W>>>);
+
+struct State<W: Write + Seek> {
+    writer: Option<RecordingWriter<W>>,
+    failure: Option<DeviceError>,
+}
+
+impl<W: Write + Seek> Clone for Tape<W> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<W: Write + Seek> Tape<W> {
+    /// Takes a writer.
+    pub fn new(writer: RecordingWriter<W>) -> Self {
+        Self(Arc::new(Mutex::new(State { writer: Some(writer), failure: None })))
+    }
+
+    /// Writes unless something failed before; the first failure is kept for `finish`.
+    fn write(&self, action: impl FnOnce(&mut RecordingWriter<W>) -> Result<(), DeviceError>) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let State { writer, failure } = &mut *state;
+        if failure.is_none()
+            && let Some(Err(error)) = writer.as_mut().map(action)
+        {
+            tracing::warn!("recording stops: {error}");
+            *failure = Some(error);
+        }
+    }
+
+    /// Closes the file: what was written, or the first failure. Later frames pass unwritten.
+    pub fn finish(&self) -> Result<(Written, Option<W>), DeviceError> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let writer = state.writer.take();
+        if let Some(failure) = state.failure.take() {
+            return Err(failure);
+        }
+        match writer {
+            Some(writer) => writer.finish().map(|(written, target)| (written, Some(target))),
+            None => Ok((Written::default(), None)),
+        }
+    }
+}
+
+/// A camera whose frames are written as they pass.
+pub struct Recorder<S: FrameSource, W: Write + Seek = BufWriter<File>> {
+    source: S,
+    tape: Tape<W>,
+}
+
+impl<S: FrameSource, W: Write + Seek> Recorder<S, W> {
+    /// Puts a tape on a source.
+    pub fn new(source: S, tape: Tape<W>) -> Self {
+        Self { source, tape }
+    }
+}
+
+impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
+    fn next_frame(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        let frame = self.source.next_frame(deadline)?;
+        let truth = self.source.truth();
+        self.tape.write(|writer| writer.write_frame(&frame, truth.as_ref()));
+        Ok(frame)
+    }
+
+    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+        self.source.set_exposures(exposures)
+    }
+
+    fn rig(&self) -> Option<Rig> {
+        self.source.rig()
+    }
+
+    fn response(&self) -> Option<Response> {
+        self.source.response()
+    }
+
+    fn frames_left(&self) -> Option<u64> {
+        self.source.frames_left()
+    }
+
+    fn truth(&mut self) -> Option<Truth> {
+        self.source.truth()
+    }
+}
+
+/// An IMU whose samples are written as they pass.
+pub struct ImuRecorder<I: ImuSource, W: Write + Seek = BufWriter<File>> {
+    source: I,
+    tape: Tape<W>,
+}
+
+impl<I: ImuSource, W: Write + Seek> ImuRecorder<I, W> {
+    /// Puts a tape on a source.
+    pub fn new(source: I, tape: Tape<W>) -> Self {
+        Self { source, tape }
+    }
+}
+
+impl<I: ImuSource, W: Write + Seek + Send> ImuSource for ImuRecorder<I, W> {
+    fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError> {
+        let before = out.len();
+        let result = self.source.samples_until(until, out);
+        self.tape.write(|writer| writer.write_imu(&out[before..]));
+        result
+    }
+
+    fn imu_truth(&self) -> Option<ImuTruth> {
+        self.source.imu_truth()
+    }
+}

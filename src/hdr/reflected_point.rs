@@ -11,13 +11,14 @@ pub(super) enum Mirrored {
     At(DVec3),
 }
 
-/// Point of the ball in which `eye` (outside) sees `mirrored`; `guess` is a unit normal near the answer. `None` where
-/// the ball hides it.
+/// Point of the ball in which `eye` (outside) sees `mirrored`; `guess` is a normal near the answer. `None` where
+/// the ball hides it, or too near the outline to be found.
 ///
-/// The normal halves the angle between the ways to the eye and to the thing; both ways depend on the point only
-/// through the ball's size, so repeating converges fast for a ball that is small against its distance
-/// (a factor of about radius / distance each time, slower towards the rim). For things at infinity the result is that
-/// of `math::sphere::sphere_point_reflecting`, at a third of its time.
+/// The way eye - point - thing is shortest there (Fermat). Newton's method on the sphere: with unit vectors u to the
+/// eye and v to the thing, the slope is the tangential part of u + v, and the curvature (u + v).n / radius
+/// + (1 - (u.a)^2) / |eye - point| + (1 - (v.a)^2) / |thing - point| along a tangent a; its axes lie in the plane of
+/// incidence and across it. For things at infinity the result is that of `math::sphere::sphere_point_reflecting`, at
+/// a fraction of its time when the guess is good.
 pub(super) fn point_reflecting(
     eye: DVec3,
     centre: DVec3,
@@ -25,24 +26,39 @@ pub(super) fn point_reflecting(
     mirrored: Mirrored,
     guess: DVec3,
 ) -> Option<DVec3> {
-    let mut normal = guess;
-    for _ in 0..40 {
+    let mut normal = guess.try_normalize()?;
+    for _ in 0..12 {
         let point = centre + radius * normal;
-        let to_eye = (eye - point).normalize();
-        let to_thing = match mirrored {
-            Mirrored::Towards(direction) => direction,
-            Mirrored::At(thing) => (thing - point).normalize(),
+        let (u, eye_curvature) = unit_and_inverse_length(eye - point);
+        let (v, thing_curvature) = match mirrored {
+            Mirrored::Towards(direction) => (direction, 0.0),
+            Mirrored::At(thing) => unit_and_inverse_length(thing - point),
         };
-        let next = (to_eye + to_thing).try_normalize()?;
-        let step = next.distance_squared(normal);
-        normal = next;
-        // 1e-6 of the radius: a few 1e-5 pixels.
-        if step < 1e-12 {
+        let bend = (u + v).dot(normal);
+        let slope = u + v - bend * normal;
+        // In the plane of incidence (along u's tangential part), and across it.
+        let along = u - u.dot(normal) * normal;
+        let length_squared = along.length_squared().max(1e-30);
+        let flat = |w: DVec3| 1.0 - w.dot(along).powi(2) / length_squared;
+        let stiff = bend.max(1e-3) / radius;
+        let stiff_along = stiff + flat(u) * eye_curvature + flat(v) * thing_curvature;
+        let stiff_across = stiff + eye_curvature + thing_curvature;
+        let part_along = along * (slope.dot(along) / length_squared);
+        let step = (part_along / stiff_along + (slope - part_along) / stiff_across) / radius;
+        let length = step.length();
+        normal = (normal + if length > 0.5 { step * (0.5 / length) } else { step }).normalize();
+        // The step before the last is 1e-4 of the radius at most, hundredths of a pixel; this one mends it.
+        if length < 1e-4 {
             let point = centre + radius * normal;
             return (normal.dot(eye - point) > 0.0).then_some(point);
         }
     }
     None
+}
+
+fn unit_and_inverse_length(v: DVec3) -> (DVec3, f64) {
+    let inverse = v.length_recip();
+    (v * inverse, inverse)
 }
 
 #[cfg(test)]
@@ -69,8 +85,8 @@ mod tests {
                 continue;
             };
             let exact = sphere_point_reflecting(eye, centre, radius, direction).unwrap();
-            // The stop rule leaves 1e-6 of the radius times the factor of convergence.
-            assert!(point.distance(exact) < 1e-6 * radius, "{direction}: {}", point.distance(exact) / radius);
+            // The last step of Newton's method mends up to 1e-4 of the radius.
+            assert!(point.distance(exact) < 3e-5 * radius, "{direction}: {}", point.distance(exact) / radius);
             found += 1;
         }
         // All but the directions behind the ball.
@@ -85,7 +101,7 @@ mod tests {
             let point = point_reflecting(eye, centre, radius, Mirrored::At(thing), guess).unwrap();
             let hit = reflect_off_sphere(eye, point - eye, centre, radius).unwrap();
             let miss = hit.reflected.cross((thing - hit.point).normalize()).length();
-            assert!(miss < 1e-5, "{thing}: {miss}");
+            assert!(miss < 1e-4, "{thing}: {miss}");
         }
     }
 }
