@@ -11,7 +11,10 @@ fn default_toml_is_the_manual() {
         std::fs::write(path, &manual).unwrap();
     }
     let on_disk = std::fs::read_to_string(path).unwrap_or_default();
-    assert!(on_disk == manual, "config/default.toml differs from the key table; bless with: UPDATE_EXPECT=1 cargo test --test config");
+    assert!(
+        on_disk == manual,
+        "config/default.toml differs from the key table; bless with: UPDATE_EXPECT=1 cargo test --test config"
+    );
 }
 
 #[test]

@@ -45,7 +45,9 @@ fn light_and_pose_agree_with_the_truth() {
     let report = replay(&debug_build(), &[]);
     assert_eq!(report["frames"], 90);
     assert_eq!(report["dropped"], 0);
-    let number = |path: &str| report.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("{path} in {report:#}"));
+    let number = |path: &str| {
+        report.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("{path} in {report:#}"))
+    };
     println!("{:#}", report["light"]);
     println!("{:#}", report["pose"]);
     // The demand: the dominant direction within 2 degrees of the truth on every frame after the warm-up.
@@ -61,7 +63,8 @@ fn light_and_pose_agree_with_the_truth() {
 
 #[test]
 fn digest_is_the_same_for_any_threads_and_twice() {
-    let digest = |threads: &str| replay(&debug_build(), &["--frames", "8", "--threads", threads])["digest"].clone();
+    let digest =
+        |threads: &str| replay(&debug_build(), &["--frames", "8", "--threads", threads])["digest"].clone();
     let one = digest("1");
     assert_eq!(one.as_str().unwrap().len(), 64);
     assert_eq!(one, digest("2"));
@@ -82,7 +85,10 @@ fn a_recording_cut_short_is_replayed_up_to_there() {
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join("cut.mcap");
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
-    let output = Command::new(debug_build()).args(["replay", path.to_str().unwrap(), "--json", "--frames", "5"]).output().unwrap();
+    let output = Command::new(debug_build())
+        .args(["replay", path.to_str().unwrap(), "--json", "--frames", "5"])
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["frames"], 5);

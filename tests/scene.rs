@@ -68,7 +68,9 @@ fn every_key_is_understood() {
     assert_eq!(camera.pictures.exposures_s, [0.01, 0.04]);
     let forward = camera.world_from_camera.rotate(glam::DVec3::Z);
     assert!(forward.abs_diff_eq(glam::DVec3::new(0.0, 0.6, -0.4).normalize(), 1e-12));
-    let LightSource::File { layout, y_up, rotation_deg, .. } = &scene.light else { panic!("{:?}", scene.light) };
+    let LightSource::File { layout, y_up, rotation_deg, .. } = &scene.light else {
+        panic!("{:?}", scene.light)
+    };
     assert_eq!((*layout, *y_up, *rotation_deg), (MapLayout::Angular, true, 30.0));
     assert!(!scene.ball_on_surface);
     // The tag lies flat with its picture up: its z goes down, and 90 degrees turn its x to +y.
@@ -77,11 +79,17 @@ fn every_key_is_understood() {
     assert!(tag.world_from_tag.rotate(glam::DVec3::X).abs_diff_eq(glam::DVec3::Y, 1e-12));
     let [sphere, cuboid] = &scene.scene.objects[..] else { panic!() };
     let (low, high) = bounds(sphere);
-    assert!(low.abs_diff_eq(Vec3::new(0.1, 0.0, 0.5), 2e-3) && high.abs_diff_eq(Vec3::new(0.5, 0.4, 0.9), 2e-3), "{low} {high}");
+    assert!(
+        low.abs_diff_eq(Vec3::new(0.1, 0.0, 0.5), 2e-3) && high.abs_diff_eq(Vec3::new(0.5, 0.4, 0.9), 2e-3),
+        "{low} {high}"
+    );
     assert!(matches!(sphere.material, Material::Phong { exponent: 40.0, .. }));
     assert_eq!(sphere.openness.len(), sphere.mesh.positions.len());
     let (low, high) = bounds(cuboid);
-    assert!(low.abs_diff_eq(Vec3::new(-0.2, -0.1, -0.3), 1e-6) && high.abs_diff_eq(Vec3::new(0.2, 0.1, 0.3), 1e-6));
+    assert!(
+        low.abs_diff_eq(Vec3::new(-0.2, -0.1, -0.3), 1e-6)
+            && high.abs_diff_eq(Vec3::new(0.2, 0.1, 0.3), 1e-6)
+    );
     assert!(!scene.scene.surfaces[0].receives_shadow);
 }
 
@@ -137,15 +145,13 @@ fn objects_of_the_desk_stand_on_it() {
 fn a_robot_is_as_high_as_asked() {
     let Some(shared) = support::shared("a_robot_is_as_high_as_asked") else { return };
     let file = shared.join("data/models/RobotExpressive.glb");
-    let text = format!("[[object]]\nfile = {:?}\nheight_m = 0.25\nposition = [0.1, 0.2, 0.0]\n", file.display().to_string());
+    let text = format!(
+        "[[object]]\nfile = {:?}\nheight_m = 0.25\nposition = [0.1, 0.2, 0.0]\n",
+        file.display().to_string()
+    );
     let scene = parse(Path::new("robot.toml"), &text).unwrap();
-    let (low, high) = scene
-        .scene
-        .objects
-        .iter()
-        .map(bounds)
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-        .unwrap();
+    let (low, high) =
+        scene.scene.objects.iter().map(bounds).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap();
     assert!(low.z.abs() < 1e-5 && (high.z - 0.25).abs() < 1e-5, "{low} {high}");
     let middle = (low + high) / 2.0;
     assert!((middle.truncate() - glam::Vec2::new(0.1, 0.2)).length() < 1e-5, "{middle}");

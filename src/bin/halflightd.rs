@@ -21,11 +21,15 @@ struct Arguments {
 
 fn main() -> ExitCode {
     tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::try_from_env("HALFLIGHT_LOG").unwrap_or_else(|_| "info".into()))
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_env("HALFLIGHT_LOG").unwrap_or_else(|_| "info".into()),
+        )
         .with_writer(std::io::stderr)
         .with_target(false)
         .init();
-    match settings(&Arguments::parse()).and_then(|s| halflight::daemon::run::run_daemon(&s).map_err(|e| e.to_string())) {
+    match settings(&Arguments::parse())
+        .and_then(|s| halflight::daemon::run::run_daemon(&s).map_err(|e| e.to_string()))
+    {
         Ok(counts) => {
             tracing::info!(
                 frames = counts.frames,

@@ -88,7 +88,8 @@ impl Common {
     /// A settings file over the defaults.
     pub fn settings_from(&self, path: &std::path::Path) -> Result<Settings, CliError> {
         let typed = config::file::read(path).map_err(CliError)?;
-        config::resolve(&path.display().to_string(), &typed, &Settings::default()).map_err(|e| CliError(e.to_string()))
+        config::resolve(&path.display().to_string(), &typed, &Settings::default())
+            .map_err(|e| CliError(e.to_string()))
     }
 
     /// What was given on the command line, over `settings`.

@@ -13,13 +13,16 @@ pub fn run(_arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let cpu = CpuEngine::new(common.threads).map_err(|e| CliError(e.to_string()))?;
     let mut engines = vec![("cpu", Ok(cpu.description()))];
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
-        engines.push((name, GpuEngine::new(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
+        engines
+            .push((name, GpuEngine::new(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
     if common.json {
         let engines: Vec<_> = engines
             .iter()
             .map(|(name, found)| match found {
-                Ok(description) => serde_json::json!({ "engine": name, "usable": true, "description": description }),
+                Ok(description) => {
+                    serde_json::json!({ "engine": name, "usable": true, "description": description })
+                }
                 Err(why) => serde_json::json!({ "engine": name, "usable": false, "why": why }),
             })
             .collect();

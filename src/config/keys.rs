@@ -155,7 +155,7 @@ pub const KEYS: &[Key] = &[
         "camera.exposures_s",
         "s",
         Range::Reals(0.000_02, 1.0),
-        "Exposure times that the camera goes through in turn. Spread them by 4 (two stops) each.",
+        "Exposure times that the camera goes through in turn. Spread them by 4 to 8 (two to three stops) each; the shortest must not saturate in the light's reflection.",
         |s| Value::Array(s.exposures_s.iter().map(|&t| Value::Float(t)).collect()),
         |s, v| s.exposures_s = v.as_array().into_iter().flatten().map(number).collect()
     ),
@@ -329,7 +329,7 @@ pub const KEYS: &[Key] = &[
         "present.exposure_s",
         "s",
         Range::Real(0.0, 1.0),
-        "Exposure of the shown picture; 0 = the middle one of the cycle.",
+        "Exposure of the shown picture; 0 = the one of the cycle that exposes the place best.",
         |s| Value::Float(s.shown_exposure_s),
         |s, v| s.shown_exposure_s = number(v)
     ),

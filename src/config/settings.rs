@@ -37,7 +37,7 @@ pub struct Settings {
     pub filter_tau_s: f64,
     /// `light.ball_on_surface`
     pub ball_on_surface: bool,
-    /// `present.exposure_s`; 0 = the middle one of the cycle.
+    /// `present.exposure_s`; 0 = the best exposed one of the cycle.
     pub shown_exposure_s: f64,
     /// `scene.file`; empty = no virtual objects.
     pub scene_file: String,
@@ -91,7 +91,7 @@ impl Default for Settings {
             camera: "synthetic:".into(),
             mode: RunMode::Realtime,
             frames: 0,
-            exposures_s: vec![1.0 / 240.0, 1.0 / 60.0, 1.0 / 15.0],
+            exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,
             response: "device".into(),
             engine: EngineKind::Cpu,

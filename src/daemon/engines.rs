@@ -1,7 +1,11 @@
 //! Which engine computes.
 
 use crate::config::settings::{BackendKind, EngineKind};
-use crate::engine::{Engine, EngineError, cpu::CpuEngine, gpu::{Backend, GpuEngine}};
+use crate::engine::{
+    Engine, EngineError,
+    cpu::CpuEngine,
+    gpu::{Backend, GpuEngine},
+};
 
 /// Opens an engine. `cpu_kernels` names kernels that run on their CPU twin although the engine is the GPU.
 pub fn open(

@@ -18,8 +18,9 @@ impl PictureFolder {
             return Ok(Self { folder: None });
         }
         let folder = PathBuf::from(name);
-        std::fs::create_dir_all(&folder)
-            .map_err(|e| PipelineError::Output(format!("output.pictures = \"{name}\": cannot be made: {e}")))?;
+        std::fs::create_dir_all(&folder).map_err(|e| {
+            PipelineError::Output(format!("output.pictures = \"{name}\": cannot be made: {e}"))
+        })?;
         Ok(Self { folder: Some(folder) })
     }
 }

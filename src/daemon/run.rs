@@ -3,7 +3,11 @@
 use super::{engines, picture_folder::PictureFolder};
 use crate::assets::scene as scene_file;
 use crate::config::settings::{RunMode, Settings};
-use crate::device::{Clock, FrameSource, clock::{ManualClock, MonotonicClock}, open};
+use crate::device::{
+    Clock, FrameSource,
+    clock::{ManualClock, MonotonicClock},
+    open,
+};
 use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
 use crate::pipeline::{
     Options, Pipeline, PipelineError,
@@ -29,18 +33,13 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
     let mut source = opened.frames;
     let wanted: Vec<Exposure> =
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
-    let mut cycle = source.set_exposures(&wanted)?;
-    cycle.sort_by(|a, b| a.effective_s().total_cmp(&b.effective_s()));
-    let shown_exposure = if settings.shown_exposure_s > 0.0 {
-        Exposure { time_s: settings.shown_exposure_s, gain: 1.0 }
-    } else {
-        *cycle.get(cycle.len() / 2).ok_or_else(|| {
-            PipelineError::Setup(format!("{}: states no exposures; set present.exposure_s", settings.camera))
-        })?
-    };
+    let cycle = source.set_exposures(&wanted)?;
+    let shown_exposure = (settings.shown_exposure_s > 0.0)
+        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
     let response = response_of(settings, source.as_ref())?;
     let (scene, rig) = scene_and_rig(settings, source.as_ref())?;
-    let mut engine = engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
+    let mut engine =
+        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
     engine.load_scene(&scene)?;
     let description = engine.description();
     let options = Options {
@@ -61,11 +60,16 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
 fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
     match settings.response.as_str() {
         "device" => Ok(source.response().unwrap_or_else(|| {
-            tracing::warn!("{} states no response: sRGB is taken; calibrate with `halflight hdr`", settings.camera);
+            tracing::warn!(
+                "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
+                settings.camera
+            );
             Response::srgb()
         })),
         "srgb" => Ok(Response::srgb()),
-        file => crate::assets::response::load(Path::new(file)).map_err(|e| PipelineError::Setup(e.to_string())),
+        file => {
+            crate::assets::response::load(Path::new(file)).map_err(|e| PipelineError::Setup(e.to_string()))
+        }
     }
 }
 
@@ -74,13 +78,17 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
     let rig = source.rig();
     if settings.scene_file.is_empty() {
         let rig = rig.ok_or_else(|| {
-            PipelineError::Setup(format!("{}: knows no lens or tags; name a scene.file that does", settings.camera))
+            PipelineError::Setup(format!(
+                "{}: knows no lens or tags; name a scene.file that does",
+                settings.camera
+            ))
         })?;
         return Ok((Scene::default(), rig));
     }
-    let file = scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
+    let file =
+        scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
-    Ok((file.scene, rig))
+    Ok((file.scene_with_ball(rig.ball.as_ref()), rig))
 }
 
 /// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.

@@ -9,9 +9,11 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame, SurfaceHit},
     tonemap::ToneTable,
 };
+use crate::light::{project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::math::bvh::Bvh;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
+    light::RadianceSamples,
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -32,6 +34,8 @@ const TIMINGS_KEPT: usize = 256;
 pub struct CpuEngine {
     pool: rayon::ThreadPool,
     work: Work,
+    unwrapper: BallUnwrapper,
+    samples: RadianceSamples,
     timings: Vec<PassTiming>,
 }
 
@@ -60,7 +64,13 @@ impl CpuEngine {
             .thread_name(|i| format!("engine-{i}"))
             .build()
             .map_err(|e| EngineError::Input(format!("the engine's threads could not be started: {e}")))?;
-        Ok(Self { pool, work: Work::default(), timings: Vec::with_capacity(TIMINGS_KEPT) })
+        Ok(Self {
+            pool,
+            work: Work::default(),
+            unwrapper: BallUnwrapper::new(),
+            samples: RadianceSamples::default(),
+            timings: Vec::with_capacity(TIMINGS_KEPT),
+        })
     }
 }
 
@@ -94,10 +104,23 @@ impl Engine for CpuEngine {
 
     fn estimate_light(
         &mut self,
-        _job: &LightJob<'_>,
-        _quality: &Quality,
+        job: &LightJob<'_>,
+        quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        Err(EngineError::Input("reading the light is not built yet".into()))
+        let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
+        self.pool.install(|| {
+            let flags = match job {
+                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                    timed(timings, Pass::UnwrapBall, || {
+                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
+                    })
+                    .map_err(|e| EngineError::Input(e.to_string()))?
+                }
+                LightJob::Map(_) => return Err(EngineError::Input("maps".into())),
+            };
+            let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
+            Ok(MeasuredLight { total, flags })
+        })
     }
 
     fn relight(

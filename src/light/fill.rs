@@ -1,15 +1,12 @@
 //! What a mirror ball does not show: the cone behind it, parts outside the picture, and what is below the horizon.
 //! Shared by both engines.
 
-use super::unwrap_ball::{BallView, FILL_DIRECTIONS, reflect_corner, sane_radiance};
+use super::unwrap_ball::{BallView, FILL_DIRECTIONS, cell, reflect_corner, sane_radiance};
 use crate::math::{
-    charts::ball_polar_angle,
-    lens::Lens,
-    pose::Pose,
-    sphere::{sphere_point_reflecting, triangle_solid_angle},
+    charts::ball_polar_angle, lens::Lens, pose::Pose, solve::solve_positive, sphere::sphere_point_reflecting,
 };
 use crate::model::{
-    image::{FILLED, HdrImage, NOT_FINITE},
+    image::{FILLED, HdrImage, LOWER_BOUND, NOT_FINITE},
     light::RadianceSamples,
     rig::MirrorBall,
 };
@@ -88,11 +85,19 @@ struct Bin {
     log_radiance: Vec3,
 }
 
+/// The same, as it is extrapolated from.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    direction: Vec3,
+    radiance: Vec3,
+    omega: f32,
+}
+
 /// Fills what is not seen; keeps its memory.
 #[derive(Debug, Default)]
 pub struct Fill {
     bins: Vec<Bin>,
-    known: Vec<(Vec3, Vec3)>,
+    known: Vec<Known>,
     unseen: Vec<Vec3>,
 }
 
@@ -101,8 +106,8 @@ impl Fill {
     /// the solid angles in `out` sum to 4 pi, or with `above_horizon` to the 2 pi above z = 0. Returns the solid angle,
     /// in steradians, that had to be extrapolated (and has the flag `FILLED`).
     ///
-    /// The extrapolation is smooth: the logarithmic means of 512 parts of the sphere (small bright lights are not
-    /// smeared), weighted by the inverse fourth power of the distance.
+    /// The extrapolation is smooth: locally a plane through the logarithmic means of 512 parts of the sphere (so that
+    /// small bright lights are not smeared).
     pub fn append(
         &mut self,
         view: &BallView,
@@ -196,20 +201,45 @@ impl Fill {
         self.known.clear();
         for bin in self.bins.iter().filter(|bin| bin.omega > 0.0) {
             let mean = bin.log_radiance / bin.omega;
-            self.known
-                .push((bin.moment.normalize_or_zero(), Vec3::new(mean.x.exp(), mean.y.exp(), mean.z.exp())));
+            self.known.push(Known {
+                direction: bin.moment.normalize_or_zero(),
+                radiance: Vec3::new(mean.x.exp(), mean.y.exp(), mean.z.exp()),
+                omega: bin.omega,
+            });
         }
     }
 
+    /// A plane through the parts around a direction (least squares in the offset from it, weighted by solid angle over
+    /// the fourth power of the distance), read at the direction; never beyond what is known anywhere.
     fn extrapolate(&self, direction: Vec3) -> [f32; 3] {
-        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-        for (known, radiance) in &self.known {
+        let mut normal = [[0.0; 4]; 4];
+        let mut right = [[0.0; 4]; 3];
+        let (mut least, mut most) = (Vec3::INFINITY, Vec3::ZERO);
+        for known in &self.known {
+            let offset = (known.direction - direction).as_dvec3();
             // 0.01: no nearer than a tenth of a radian, about the size of a part.
-            let weight = 1.0 / (known.distance_squared(direction) + 0.01).powi(2);
-            sum += *radiance * weight;
-            weights += weight;
+            let weight = f64::from(known.omega) / (offset.length_squared() + 0.01).powi(2);
+            let row = [1.0, offset.x, offset.y, offset.z];
+            for i in 0..4 {
+                for j in 0..4 {
+                    normal[i][j] += weight * row[i] * row[j];
+                }
+                for (right, c) in right.iter_mut().zip(known.radiance.to_array()) {
+                    right[i] += weight * row[i] * f64::from(c);
+                }
+            }
+            (least, most) = (least.min(known.radiance), most.max(known.radiance));
         }
-        if weights > 0.0 { (sum / weights).to_array() } else { [0.0; 3] }
+        let total = normal[0][0];
+        // Flat where the parts do not tell a slope.
+        for (i, row) in normal.iter_mut().enumerate().skip(1) {
+            row[i] += 0.01 * total;
+        }
+        std::array::from_fn(|c| match solve_positive(&normal, right[c]) {
+            Some(plane) => (plane[0] as f32).clamp(least[c], most[c]),
+            None if total > 0.0 => (right[c][0] / total) as f32,
+            None => 0.0,
+        })
     }
 }
 
@@ -230,19 +260,48 @@ pub(super) fn append_lower_half(surface_rgb: [f32; 3], bits: u8, out: &mut Radia
     }
 }
 
+/// Takes the surface's share out of pixels that straddle the horizon: their radiance is the mean of what is above and
+/// the (far, unshadowed) surface below, by solid angle.
+pub(super) fn unmix_horizon(
+    view: &BallView,
+    pixel_of_sample: &[u32],
+    surface_rgb: [f32; 3],
+    out: &mut RadianceSamples,
+) {
+    for (sample, pixel) in pixel_of_sample.iter().enumerate() {
+        let above = out.directions[sample][3];
+        // No pixel inside the rim is as wide as 0.2 rad.
+        if out.directions[sample][2] > 0.2 || out.radiance[sample][3] as u8 & LOWER_BOUND != 0 {
+            continue;
+        }
+        let quad = reflected_quad(view, *pixel as usize % view.width, *pixel as usize / view.width);
+        if quad.iter().all(|c| c[2] > 0.0) {
+            continue;
+        }
+        let below = (cell(quad, false)[3] - above).max(0.0);
+        for (c, surface) in out.radiance[sample].iter_mut().zip(surface_rgb) {
+            *c = ((*c * (above + below) - surface * below) / above).max(0.0);
+        }
+    }
+}
+
+/// The four mirrored corners of a pixel of the region, in order around it.
+fn reflected_quad(view: &BallView, x: usize, y: usize) -> [[f32; 4]; 4] {
+    let corner =
+        |x: usize, y: usize| reflect_corner(view.corner_rays[y * (view.width + 1) + x], &view.sphere);
+    [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)]
+}
+
 /// Mean radiance of the pixels in which the ball shows directions below the horizon, over solid angle; 0 without any.
 pub(super) fn below_horizon_on_ball(view: &BallView, picture: &HdrImage, ball: &MirrorBall) -> [f32; 3] {
     let (mut sum, mut total) = ([0.0_f64; 3], 0.0);
-    let columns = view.width + 1;
-    let corner = |x: usize, y: usize| reflect_corner(view.corner_rays[y * columns + x], &view.sphere);
     for y in 0..view.height {
         for x in 0..view.width {
-            let quad = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
-            if quad.iter().any(|c| c[3] == 0.0 || c[2] >= 0.0) {
+            let quad = reflected_quad(view, x, y);
+            if quad.iter().any(|c| c[2] >= 0.0) {
                 continue;
             }
-            let [a, b, c, d] = quad.map(|c| Vec3::new(c[0], c[1], c[2]).as_dvec3());
-            let omega = (triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d)).abs();
+            let omega = f64::from(cell(quad, false)[3]);
             let (radiance, _) = sane_radiance(picture, view.x + x, view.y + y);
             for (sum, (c, reflectance)) in sum.iter_mut().zip(radiance.iter().zip(ball.reflectance_rgb)) {
                 *sum += omega * f64::from(c / reflectance);

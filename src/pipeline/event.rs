@@ -50,7 +50,12 @@ pub struct RunCounts {
 }
 
 /// Feeds events to the pipeline until the source ends, `frames` (0 = no limit) have gone through, or the sink asks to stop.
-pub fn run(feed: &mut dyn Feed, pipeline: &mut Pipeline, sink: &mut dyn FrameSink, frames: u64) -> Result<RunCounts, PipelineError> {
+pub fn run(
+    feed: &mut dyn Feed,
+    pipeline: &mut Pipeline,
+    sink: &mut dyn FrameSink,
+    frames: u64,
+) -> Result<RunCounts, PipelineError> {
     let mut counts = RunCounts::default();
     let mut last_sequence: Option<u64> = None;
     loop {
@@ -58,7 +63,8 @@ pub fn run(feed: &mut dyn Feed, pipeline: &mut Pipeline, sink: &mut dyn FrameSin
             Event::Frame { frame, passed_over, truth } => {
                 counts.passed_over += passed_over;
                 if let Some(last) = last_sequence {
-                    counts.lost_by_source += frame.sequence.saturating_sub(last + 1).saturating_sub(passed_over);
+                    counts.lost_by_source +=
+                        frame.sequence.saturating_sub(last + 1).saturating_sub(passed_over);
                 }
                 last_sequence = Some(frame.sequence);
                 let outcome = pipeline.frame(&frame)?;

@@ -41,7 +41,8 @@ pub enum Stage {
 
 impl Stage {
     /// All, in order.
-    pub const ALL: [Self; 6] = [Self::Track, Self::Register, Self::Merge, Self::Light, Self::Relight, Self::Frame];
+    pub const ALL: [Self; 6] =
+        [Self::Track, Self::Register, Self::Merge, Self::Light, Self::Relight, Self::Frame];
 
     /// For tables.
     pub const fn name(self) -> &'static str {

@@ -86,7 +86,9 @@ impl Lighting {
         due: bool,
     ) -> Option<LightEstimate> {
         let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
-        if let (true, Some(pose), Some(ball)) = (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball) {
+        if let (true, Some(pose), Some(ball)) =
+            (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
+        {
             let job = LightJob::Ball {
                 picture: &self.picture,
                 lens: &rig.lens,
@@ -95,7 +97,9 @@ impl Lighting {
                 on_surface: self.on_surface,
             };
             match engine.estimate_light(&job, &self.quality) {
-                Ok(light) => self.follow.update(t, &light.total, &light.flags),
+                Ok(light) => {
+                    self.follow.update(t, &light.total, &light.flags);
+                }
                 Err(error) => {
                     // The world misbehaved (the ball is out of the picture, say): hold, and say so now and then.
                     if self.refused.is_multiple_of(100) {

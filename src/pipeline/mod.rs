@@ -57,8 +57,8 @@ pub struct Options {
     pub ball_on_surface: bool,
     /// Different exposures that the camera goes through.
     pub exposures_in_cycle: usize,
-    /// Exposure of the shown picture.
-    pub shown_exposure: Exposure,
+    /// Exposure of the shown picture; `None`: the one of the cycle that exposes the place best.
+    pub shown_exposure: Option<Exposure>,
     /// Tags are searched in a picture reduced by this.
     pub decimate: f32,
     /// Blur before tags are searched, pixels.
@@ -75,6 +75,7 @@ pub struct Pipeline {
     tracker: Tracker,
     lighting: Lighting,
     presenting: Presenting,
+    newest_passes: Vec<PassTiming>,
     passes: Vec<PassTiming>,
     frames_done: u64,
 }
@@ -92,13 +93,26 @@ impl Pipeline {
         let tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
         let lighting = Lighting::new(&rig, &options);
         let presenting = Presenting::new(scene, &options);
-        Ok(Self { engine, watch, rig, response, options, tracker, lighting, presenting, passes: Vec::new(), frames_done: 0 })
+        Ok(Self {
+            engine,
+            watch,
+            rig,
+            response,
+            options,
+            tracker,
+            lighting,
+            presenting,
+            newest_passes: Vec::new(),
+            passes: Vec::new(),
+            frames_done: 0,
+        })
     }
 
     /// One frame, all stages. Errors of the engine in the light or in the drawing degrade the picture and are logged;
     /// only a frame that does not fit the rig is an error.
     pub fn frame(&mut self, frame: &RawFrame) -> Result<FrameOutcome, PipelineError> {
         let lens = &self.rig.lens;
+        self.presenting.see(frame);
         let mut stage_ms = [0.0f32; Stage::ALL.len()];
         let start = self.watch.now();
         let pose = self.tracker.track(frame)?;
@@ -130,7 +144,13 @@ impl Pipeline {
         let shown = match shown {
             Ok(()) => Shown::Relit,
             Err(why) => {
-                self.presenting.passed_through(self.engine.as_mut(), self.lighting.picture(), lens, &self.response, frame);
+                self.presenting.passed_through(
+                    self.engine.as_mut(),
+                    self.lighting.picture(),
+                    lens,
+                    &self.response,
+                    frame,
+                );
                 Shown::PassedThrough(why)
             }
         };
@@ -145,7 +165,8 @@ impl Pipeline {
         ]) {
             *slot = (to.seconds_since(from) * 1e3) as f32;
         }
-        self.engine.take_timings(&mut self.passes);
+        self.engine.take_timings(&mut self.newest_passes);
+        self.passes.append(&mut self.newest_passes);
         self.frames_done += 1;
         Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms })
     }

@@ -25,7 +25,7 @@ pub struct Presenting {
     plan: FramePlan,
     picture: Picture,
     quality: Quality,
-    shown_exposure: Exposure,
+    shown_exposure: ShownExposure,
 }
 
 impl Presenting {
@@ -37,8 +37,13 @@ impl Presenting {
             plan: FramePlan::default(),
             picture: Picture::default(),
             quality: options.quality,
-            shown_exposure: options.shown_exposure,
+            shown_exposure: ShownExposure::new(options.shown_exposure, options.exposures_in_cycle),
         }
+    }
+
+    /// Looks at how well a frame is exposed (only during the first cycle of exposures).
+    pub fn see(&mut self, frame: &RawFrame) {
+        self.shown_exposure.see(frame);
     }
 
     /// Draws the virtual objects into the picture; `Err` says why it could not.
@@ -61,7 +66,7 @@ impl Presenting {
             world_from_camera,
             light,
             response,
-            shown_exposure: self.shown_exposure,
+            shown_exposure: self.shown_exposure.chosen,
             t,
         };
         engine.relight(&self.plan, &input, &mut self.picture).map_err(|error| {
@@ -87,7 +92,7 @@ impl Presenting {
             world_from_camera: &Pose::IDENTITY,
             light: &dark,
             response,
-            shown_exposure: self.shown_exposure,
+            shown_exposure: self.shown_exposure.chosen,
             t: frame.t_mid,
         };
         if let Err(error) = engine.relight(&self.plan, &input, &mut self.picture) {
@@ -101,5 +106,47 @@ impl Presenting {
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         &self.picture
+    }
+}
+
+/// Mean 8-bit value of a well exposed picture.
+const WELL_EXPOSED: f64 = 110.0;
+
+/// Which exposure the shown picture has.
+struct ShownExposure {
+    chosen: Exposure,
+    /// Frames still to be looked at before the choice is fixed.
+    frames_left: usize,
+    /// How far the chosen exposure's picture was from well exposed.
+    miss: f64,
+}
+
+impl ShownExposure {
+    fn new(stated: Option<Exposure>, exposures_in_cycle: usize) -> Self {
+        let frames_left = if stated.is_some() { 0 } else { exposures_in_cycle.max(1) };
+        Self {
+            chosen: stated.unwrap_or(Exposure { time_s: 1.0, gain: 1.0 }),
+            frames_left,
+            miss: f64::INFINITY,
+        }
+    }
+
+    fn see(&mut self, frame: &RawFrame) {
+        if self.frames_left == 0 {
+            return;
+        }
+        self.frames_left -= 1;
+        let pixels = frame.pixels.pixels();
+        // Every 61st pixel says enough about the mean.
+        let (mut sum, mut count) = (0.0, 0.0);
+        for pixel in pixels.iter().step_by(61) {
+            sum += pixel.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0;
+            count += 1.0;
+        }
+        let miss = (sum / f64::max(count, 1.0) - WELL_EXPOSED).abs();
+        if miss < self.miss {
+            self.miss = miss;
+            self.chosen = frame.exposure;
+        }
     }
 }

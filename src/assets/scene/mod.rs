@@ -139,7 +139,9 @@ impl SceneFile {
             (Some(camera), _) => camera.lens,
             (None, Some(rig)) => rig.lens,
             (None, None) => {
-                return Err(AssetError::new(&self.file, "camera").allowed("given: the device does not know its lens"));
+                return Err(
+                    AssetError::new(&self.file, "camera").allowed("given: the device does not know its lens")
+                );
             }
         };
         let (device_tags, device_ball) = device.map_or((Vec::new(), None), |rig| (rig.tags, rig.ball));
@@ -183,8 +185,12 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
     let (ball, ball_on_surface) = root.table("ball").map_or((None, true), |s| rig::ball(&s));
     let tags = root.tables("tag").iter().filter_map(rig::tag).collect();
-    let surfaces: Vec<RealSurface> =
-        root.tables("surface").iter().enumerate().filter_map(|(i, s)| place::surface(s, i, folder, &mistakes)).collect();
+    let surfaces: Vec<RealSurface> = root
+        .tables("surface")
+        .iter()
+        .enumerate()
+        .filter_map(|(i, s)| place::surface(s, i, folder, &mistakes))
+        .collect();
     let objects = root
         .tables("object")
         .iter()

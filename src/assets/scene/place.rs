@@ -21,7 +21,12 @@ const SPHERE_SUBDIVISIONS: u32 = 4;
 const SEGMENTS: u32 = 64;
 
 /// `[[surface]]`
-pub fn surface(section: &Section<'_>, index: usize, folder: &Path, mistakes: &Mistakes<'_>) -> Option<RealSurface> {
+pub fn surface(
+    section: &Section<'_>,
+    index: usize,
+    folder: &Path,
+    mistakes: &Mistakes<'_>,
+) -> Option<RealSurface> {
     let name = section.text("name").map_or_else(|| format!("surface {index}"), str::to_owned);
     let receives_shadow = section.switch("receives_shadow", true);
     let mesh = match section.text("file") {
@@ -45,7 +50,12 @@ pub fn surface(section: &Section<'_>, index: usize, folder: &Path, mistakes: &Mi
 }
 
 /// `[[object]]`; a file with several materials gives several objects.
-pub fn objects(section: &Section<'_>, index: usize, folder: &Path, mistakes: &Mistakes<'_>) -> Vec<VirtualObject> {
+pub fn objects(
+    section: &Section<'_>,
+    index: usize,
+    folder: &Path,
+    mistakes: &Mistakes<'_>,
+) -> Vec<VirtualObject> {
     let name = section.text("name").map_or_else(|| format!("object {index}"), str::to_owned);
     let material = section.table("material").and_then(|s| material(&s));
     let parts = match section.text("file") {
@@ -53,7 +63,13 @@ pub fn objects(section: &Section<'_>, index: usize, folder: &Path, mistakes: &Mi
         None => shape(section, &OBJECT_SHAPES).map(|mesh| {
             let openness = openness::of_mesh(&mesh, openness::DEFAULT_RAYS, &|_| ());
             let material = Material::Lambert { albedo_rgb: [0.7; 3] };
-            vec![VirtualObject { name: name.clone(), mesh, material, world_from_object: Affine3A::IDENTITY, openness }]
+            vec![VirtualObject {
+                name: name.clone(),
+                mesh,
+                material,
+                world_from_object: Affine3A::IDENTITY,
+                openness,
+            }]
         }),
     };
     let scale = section.number("scale", 1e-4, 1e4);
@@ -107,14 +123,15 @@ fn is_gltf(path: &Path) -> bool {
 }
 
 fn merged(parts: &[VirtualObject]) -> Mesh {
-    let meshes: Vec<Mesh> = parts.iter().map(|p| shapes::transformed(&p.mesh, &p.world_from_object)).collect();
+    let meshes: Vec<Mesh> =
+        parts.iter().map(|p| shapes::transformed(&p.mesh, &p.world_from_object)).collect();
     shapes::merged(&meshes)
 }
 
 fn bounds(parts: &[VirtualObject]) -> Option<(Vec3, Vec3)> {
-    let mut all = parts.iter().flat_map(|part| {
-        part.mesh.positions.iter().map(|&p| part.world_from_object.transform_point3(p))
-    });
+    let mut all = parts
+        .iter()
+        .flat_map(|part| part.mesh.positions.iter().map(|&p| part.world_from_object.transform_point3(p)));
     let first = all.next()?;
     Some(all.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
 }
@@ -122,19 +139,24 @@ fn bounds(parts: &[VirtualObject]) -> Option<(Vec3, Vec3)> {
 /// A shape by its name with its own measures.
 fn shape(section: &Section<'_>, known: &[&'static str]) -> Option<Mesh> {
     let allowed = format!("one of {} (or file = \"..\")", known.join(", "));
-    let name = section.need("shape", &allowed, |v| known.iter().find(|k| Some(**k) == v.as_str()).copied())?;
+    let name =
+        section.need("shape", &allowed, |v| known.iter().find(|k| Some(**k) == v.as_str()).copied())?;
     let length = |key: &'static str, default: f64| section.number(key, 1e-4, FAR_M).unwrap_or(default);
     Some(match name {
         "plane" => shapes::plane_z0(length("half_extent", 1.0)),
         "quad" => {
-            let corners = section.need("corners", "four points of three numbers, counter-clockwise from the front", |v| {
-                let points: Vec<DVec3> = v
-                    .as_array()?
-                    .iter()
-                    .map(|p| numbers(p).filter(|l| l.len() == 3).map(|l| DVec3::new(l[0], l[1], l[2])))
-                    .collect::<Option<_>>()?;
-                <[DVec3; 4]>::try_from(points).ok()
-            })?;
+            let corners = section.need(
+                "corners",
+                "four points of three numbers, counter-clockwise from the front",
+                |v| {
+                    let points: Vec<DVec3> = v
+                        .as_array()?
+                        .iter()
+                        .map(|p| numbers(p).filter(|l| l.len() == 3).map(|l| DVec3::new(l[0], l[1], l[2])))
+                        .collect::<Option<_>>()?;
+                    <[DVec3; 4]>::try_from(points).ok()
+                },
+            )?;
             shapes::quad(corners)
         }
         "box" => {
@@ -157,9 +179,8 @@ fn shape(section: &Section<'_>, known: &[&'static str]) -> Option<Mesh> {
 
 fn material(section: &Section<'_>) -> Option<Material> {
     let kinds = "one of \"lambert\", \"phong\", \"mirror\"";
-    let kind = section.need("kind", kinds, |v| {
-        ["lambert", "phong", "mirror"].into_iter().find(|k| Some(*k) == v.as_str())
-    });
+    let kind = section
+        .need("kind", kinds, |v| ["lambert", "phong", "mirror"].into_iter().find(|k| Some(*k) == v.as_str()));
     let albedo_rgb = section.color("albedo_rgb", 1.0);
     let made = match kind? {
         "phong" => Material::Phong {
@@ -167,7 +188,9 @@ fn material(section: &Section<'_>) -> Option<Material> {
             specular_rgb: section.color("specular_rgb", 1.0).unwrap_or([0.2; 3]),
             exponent: section.number("exponent", 0.0, 1e5).unwrap_or(20.0) as f32,
         },
-        "mirror" => Material::Mirror { reflectance_rgb: section.color("reflectance_rgb", 1.0).unwrap_or([1.0; 3]) },
+        "mirror" => {
+            Material::Mirror { reflectance_rgb: section.color("reflectance_rgb", 1.0).unwrap_or([1.0; 3]) }
+        }
         _ => Material::Lambert { albedo_rgb: albedo_rgb.unwrap_or([0.7; 3]) },
     };
     section.finish();

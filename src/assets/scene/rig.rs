@@ -18,13 +18,14 @@ use std::path::Path;
 
 /// `[camera]`
 pub fn camera(section: &Section<'_>, folder: &Path, mistakes: &Mistakes<'_>) -> Option<SceneCamera> {
-    let from_file = section.text("calibration").and_then(|name| match calibration::load(&resolved(folder, name)) {
-        Ok(lens) => Some(lens),
-        Err(error) => {
-            mistakes.add(error);
-            None
-        }
-    });
+    let from_file =
+        section.text("calibration").and_then(|name| match calibration::load(&resolved(folder, name)) {
+            Ok(lens) => Some(lens),
+            Err(error) => {
+                mistakes.add(error);
+                None
+            }
+        });
     let inline = section.table("lens").and_then(|s| lens(&s));
     if !section.has("calibration") && !section.has("lens") {
         section.refuse("lens", "given (or calibration)");
@@ -49,10 +50,12 @@ pub fn camera(section: &Section<'_>, folder: &Path, mistakes: &Mistakes<'_>) -> 
 }
 
 fn lens(section: &Section<'_>) -> Option<Lens> {
-    let size = |key| section.need(key, "an integer within 1..=16384", |v| v.as_integer().filter(|n| (1..=16384).contains(n)));
-    let focal = |key| {
-        section.need(key, "a number above 0, in pixels", |v| super::number(v).filter(|f| *f > 0.0))
+    let size = |key| {
+        section
+            .need(key, "an integer within 1..=16384", |v| v.as_integer().filter(|n| (1..=16384).contains(n)))
     };
+    let focal =
+        |key| section.need(key, "a number above 0, in pixels", |v| super::number(v).filter(|f| *f > 0.0));
     let width = size("width");
     let height = size("height");
     let fx = focal("fx");
@@ -83,12 +86,14 @@ fn lens(section: &Section<'_>) -> Option<Lens> {
 
 fn rigid_rows(value: &toml::Value) -> Option<Pose> {
     let rows: Vec<Vec<f64>> = value.as_array()?.iter().map(numbers).collect::<Option<_>>()?;
-    let rows: Vec<[f64; 4]> = rows.into_iter().map(|r| <[f64; 4]>::try_from(r).ok()).collect::<Option<_>>()?;
+    let rows: Vec<[f64; 4]> =
+        rows.into_iter().map(|r| <[f64; 4]>::try_from(r).ok()).collect::<Option<_>>()?;
     let rows = <[[f64; 4]; 4]>::try_from(rows).ok()?;
     let axis = |i: usize| DVec3::new(rows[i][0], rows[i][1], rows[i][2]);
     let rotation = DMat3::from_cols(axis(0), axis(1), axis(2));
     // Numbers typed with six digits still count as a rotation.
-    let is_rotation = (rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-4) && rotation.determinant() > 0.0;
+    let is_rotation =
+        (rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-4) && rotation.determinant() > 0.0;
     (is_rotation && rows[3] == [0.0, 0.0, 0.0, 1.0]).then(|| Pose::from_rows(rows))
 }
 
@@ -160,7 +165,8 @@ pub fn ball(section: &Section<'_>) -> (Option<MirrorBall>, bool) {
 
 /// `[[tag]]`
 pub fn tag(section: &Section<'_>) -> Option<TagPlacement> {
-    let id = section.need("id", "an integer within 0..=586", |v| v.as_integer().filter(|n| (0..=586).contains(n)));
+    let id =
+        section.need("id", "an integer within 0..=586", |v| v.as_integer().filter(|n| (0..=586).contains(n)));
     let side = section.need("side_m", "a number within 0.001..=10", |v| {
         super::number(v).filter(|s| (0.001..=10.0).contains(s))
     });

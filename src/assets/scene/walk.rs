@@ -95,7 +95,9 @@ impl<'a> Section<'a> {
 
     /// A number within min..=max.
     pub fn number(&self, key: &'static str, min: f64, max: f64) -> Option<f64> {
-        self.read(key, &format!("a number within {min}..={max}"), |v| number(v).filter(|n| (min..=max).contains(n)))
+        self.read(key, &format!("a number within {min}..={max}"), |v| {
+            number(v).filter(|n| (min..=max).contains(n))
+        })
     }
 
     /// A text.
@@ -121,7 +123,9 @@ impl<'a> Section<'a> {
     /// Linear RGB, each channel within 0..=max.
     pub fn color(&self, key: &'static str, max: f64) -> Option<[f32; 3]> {
         self.read(key, &format!("three numbers within 0..={max}"), |v| {
-            point(v).filter(|p| p.min_element() >= 0.0 && p.max_element() <= max).map(|p| p.as_vec3().to_array())
+            point(v)
+                .filter(|p| p.min_element() >= 0.0 && p.max_element() <= max)
+                .map(|p| p.as_vec3().to_array())
         })
     }
 

@@ -18,7 +18,16 @@ impl Film {
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &format!("{frames_per_s}"), "-i", "-"])
             // yuv420p and even sizes are what every player shows.
-            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "20"])
+            .args([
+                "-vf",
+                "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                "-c:v",
+                "libx264",
+                "-pix_fmt",
+                "yuv420p",
+                "-crf",
+                "20",
+            ])
             .args(["-movflags", "+faststart"])
             .arg(path)
             .stdin(Stdio::piped())
@@ -31,10 +40,16 @@ impl Film {
     /// Adds a picture; one of another size is refused.
     pub fn add(&mut self, picture: &Rgb8Image) -> Result<(), String> {
         if (picture.width(), picture.height()) != self.size {
-            return Err(format!("film is {:?}, picture is {}x{}", self.size, picture.width(), picture.height()));
+            return Err(format!(
+                "film is {:?}, picture is {}x{}",
+                self.size,
+                picture.width(),
+                picture.height()
+            ));
         }
         let Some(pipe) = self.encoder.stdin.as_mut() else { return Err("the film is closed".into()) };
-        pipe.write_all(bytemuck::cast_slice(picture.pixels())).map_err(|e| format!("ffmpeg took no more pictures: {e}"))
+        pipe.write_all(bytemuck::cast_slice(picture.pixels()))
+            .map_err(|e| format!("ffmpeg took no more pictures: {e}"))
     }
 
     /// Closes the film.

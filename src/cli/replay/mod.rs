@@ -55,12 +55,14 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let prepared = prepare(&settings).map_err(|e| CliError(e.to_string()))?;
     if let Some(out) = &arguments.out {
         let frames = out.join("frames");
-        std::fs::create_dir_all(&frames).map_err(|e| CliError::on(frames.display(), format!("cannot be made: {e}")))?;
+        std::fs::create_dir_all(&frames)
+            .map_err(|e| CliError::on(frames.display(), format!("cannot be made: {e}")))?;
     }
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
     let mut sink = Collector::new(&arguments, total);
     let engine = prepared.engine.clone();
-    let (counts, passes) = run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
+    let (counts, passes) =
+        run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
     sink.progress.finish_and_clear();
     if counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));
@@ -144,7 +146,8 @@ impl Collector {
         if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
             progress.set_style(style);
         }
-        let frames_folder = arguments.out.as_ref().filter(|_| !arguments.no_frames).map(|out| out.join("frames"));
+        let frames_folder =
+            arguments.out.as_ref().filter(|_| !arguments.no_frames).map(|out| out.join("frames"));
         Self {
             out: arguments.out.clone(),
             frames_folder,

@@ -76,7 +76,9 @@ impl Report {
         let mut names: Vec<&'static str> = self.passes.iter().map(|p| p.pass.name()).collect();
         names.sort_unstable();
         names.dedup();
-        let of = |name: &str| Spread::of(self.passes.iter().filter(|p| p.pass.name() == name).map(|p| f64::from(p.ms)));
+        let of = |name: &str| {
+            Spread::of(self.passes.iter().filter(|p| p.pass.name() == name).map(|p| f64::from(p.ms)))
+        };
         names.into_iter().filter_map(|name| of(name).map(|spread| (name, spread))).collect()
     }
 
@@ -88,7 +90,10 @@ impl Report {
         let _ = writeln!(
             out,
             "{} frames, {} lost by the source, {} passed over, {} without virtual objects",
-            self.counts.frames, self.counts.lost_by_source, self.counts.passed_over, self.counts.passed_through
+            self.counts.frames,
+            self.counts.lost_by_source,
+            self.counts.passed_over,
+            self.counts.passed_through
         );
         let _ = writeln!(out, "\n{:<26}{:>12}{:>12}", "stage", "median ms", "p95 ms");
         for (index, s) in Stage::ALL.iter().enumerate() {
@@ -101,12 +106,17 @@ impl Report {
         }
         let rows = [
             ("light direction error", "deg", after_warm_up(&self.frames, |f| f.direction_error_deg)),
-            ("light E_d error", "%", after_warm_up(&self.frames, |f| f.irradiance_error.map(|e| e.abs() * 100.0))),
+            (
+                "light E_d error",
+                "%",
+                after_warm_up(&self.frames, |f| f.irradiance_error.map(|e| e.abs() * 100.0)),
+            ),
             ("camera position error", "mm", after_warm_up(&self.frames, |f| f.position_error_mm)),
             ("camera rotation error", "deg", after_warm_up(&self.frames, |f| f.rotation_error_deg)),
         ];
         if rows.iter().any(|r| r.2.is_some()) {
-            let _ = writeln!(out, "\n{:<26}{:>10}{:>10}{:>10}", "against the truth", "median", "p95", "largest");
+            let _ =
+                writeln!(out, "\n{:<26}{:>10}{:>10}{:>10}", "against the truth", "median", "p95", "largest");
         }
         for (name, unit, spread) in rows {
             if let Some(s) = spread {
@@ -137,7 +147,11 @@ impl Report {
 
     /// A page with the contact sheet and plots; `has_film`: whether replay.mp4 lies beside it.
     pub fn page(&self, has_film: bool) -> String {
-        let film = if has_film { "<p><video src=\"replay.mp4\" controls loop width=\"640\"></video></p>" } else { "" };
+        let film = if has_film {
+            "<p><video src=\"replay.mp4\" controls loop width=\"640\"></video></p>"
+        } else {
+            ""
+        };
         let picks: [(&str, Box<dyn Fn(&FrameNumbers) -> Option<f64>>); 4] = [
             ("Light direction error, degrees", Box::new(|f| f.direction_error_deg)),
             ("Camera position error, millimetres", Box::new(|f| f.position_error_mm)),
@@ -169,7 +183,8 @@ fn escape(text: &str) -> String {
 fn plot(title: &str, values: &[Option<f64>]) -> String {
     const W: f64 = 600.0;
     const H: f64 = 180.0;
-    let top = values.iter().flatten().fold(0.0_f64, |a, &b| if b.is_finite() { a.max(b) } else { a }).max(1e-9);
+    let top =
+        values.iter().flatten().fold(0.0_f64, |a, &b| if b.is_finite() { a.max(b) } else { a }).max(1e-9);
     let x = |i: usize| 50.0 + (W - 60.0) * i as f64 / (values.len().max(2) - 1) as f64;
     let y = |v: f64| H - 25.0 - (H - 50.0) * (v / top).clamp(0.0, 1.0);
     let mut path = String::new();

@@ -66,7 +66,8 @@ fn halved(picture: &Rgb8Image) -> Rgb8Image {
         for x in 0..w {
             let mut sum = [0u16; 3];
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let (sx, sy) = ((2 * x + dx).min(picture.width() - 1), (2 * y + dy).min(picture.height() - 1));
+                let (sx, sy) =
+                    ((2 * x + dx).min(picture.width() - 1), (2 * y + dy).min(picture.height() - 1));
                 for (s, c) in sum.iter_mut().zip(picture.at(sx, sy)) {
                     *s += u16::from(*c);
                 }

@@ -122,6 +122,9 @@ mod tests {
     fn angles_are_stable_at_both_ends() {
         assert!(angle_deg(DVec3::Z, DVec3::Z).abs() < 1e-12);
         assert!((angle_deg(DVec3::Z, -DVec3::Z) - 180.0).abs() < 1e-9);
-        assert!((angle_deg(DVec3::Z, DVec3::new(1e-4, 0.0, 1.0).normalize()) - 1e-4_f64.to_degrees()).abs() < 1e-9);
+        assert!(
+            (angle_deg(DVec3::Z, DVec3::new(1e-4, 0.0, 1.0).normalize()) - 1e-4_f64.to_degrees()).abs()
+                < 1e-9
+        );
     }
 }
