@@ -221,10 +221,10 @@ pub const KEYS: &[Key] = &[
     key!(
         "track.decimate",
         "",
-        Range::Real(1.0, 4.0),
+        Range::Integer(1, 8),
         "Tags are searched in a picture reduced by this factor; larger is faster and misses small tags.",
-        |s| Value::Float(s.decimate),
-        |s, v| s.decimate = number(v)
+        |s| Value::Integer(i64::from(s.decimate)),
+        |s, v| s.decimate = integer(v) as u32
     ),
     key!(
         "track.quad_sigma_px",

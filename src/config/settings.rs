@@ -26,7 +26,7 @@ pub struct Settings {
     /// `engine.cpu_kernels`
     pub cpu_kernels: Vec<String>,
     /// `track.decimate`
-    pub decimate: f64,
+    pub decimate: u32,
     /// `track.quad_sigma_px`
     pub quad_sigma_px: f64,
     /// `light.threshold`
@@ -98,7 +98,7 @@ impl Default for Settings {
             backend: BackendKind::Auto,
             threads: 0,
             cpu_kernels: Vec::new(),
-            decimate: 2.0,
+            decimate: 2,
             quad_sigma_px: 0.8,
             light_threshold: 1e-3,
             gray: GrayWeights::Rec601,

@@ -23,7 +23,7 @@ use crate::plan::PassTiming;
 use frame::{FrameOutcome, Shown, Stage};
 use lighting::Lighting;
 use presenting::Presenting;
-use tracking::Tracker;
+use tracking::{Tracker, TrackingError};
 
 /// Why the pipeline could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +34,9 @@ pub enum PipelineError {
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// Tracking failed for good.
+    #[error(transparent)]
+    Tracking(#[from] TrackingError),
     /// Settings do not fit together; names the key.
     #[error("{0}")]
     Setup(String),
@@ -90,7 +93,8 @@ impl Pipeline {
         scene: Scene,
         options: Options,
     ) -> Result<Self, PipelineError> {
-        let tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
+        let mut tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
+        tracker.set_response(&response);
         let lighting = Lighting::new(&rig, &options);
         let presenting = Presenting::new(scene, &options);
         Ok(Self {
