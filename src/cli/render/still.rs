@@ -1,0 +1,173 @@
+//! What a still is drawn from, and the drawing of it.
+
+use super::{background, case_light};
+use crate::assets::case::Case;
+use crate::cli::{CliError, common::PixelDigest};
+use crate::engine::{Engine, RelightInput};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    frame::Exposure,
+    image::{HdrImage, RadianceImage, Rgb8Image},
+    light::SplitLight,
+    picture::Picture,
+    quality::Quality,
+    response::Response,
+    scene::Scene,
+    time::Timestamp,
+};
+use crate::plan::{
+    FramePlan, PassTiming,
+    effects::{self, Occasion},
+};
+
+/// What of the picture is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// The picture.
+    Radiance,
+    /// The picture over the one without objects.
+    Ratio,
+    /// The picture without objects less the picture.
+    Difference,
+}
+
+/// Everything that one still is drawn from.
+#[derive(Clone, Debug)]
+pub struct Still {
+    /// What stands where.
+    pub scene: Scene,
+    /// The lens.
+    pub lens: Lens,
+    /// Camera to world.
+    pub world_from_camera: Pose,
+    /// The light of the objects.
+    pub light: SplitLight,
+    /// The place without the objects.
+    pub background: HdrImage,
+    /// What of the picture is wanted.
+    pub quantity: Quantity,
+}
+
+/// A still.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// Linear radiance (or ratio, or difference).
+    pub radiance: RadianceImage,
+    /// The same through sRGB, exposed as asked.
+    pub display: Rgb8Image,
+    /// The list of passes that was run.
+    pub plan: FramePlan,
+    /// How long they took.
+    pub timings: Vec<PassTiming>,
+}
+
+impl Drawn {
+    /// SHA-256 over the linear and then the 8-bit pixels.
+    pub fn digest(&self) -> String {
+        let mut digest = PixelDigest::default();
+        digest.add_floats(self.radiance.pixels());
+        digest.add_bytes(self.display.pixels());
+        digest.hex()
+    }
+}
+
+/// The image that is drawn where none is named: the main picture of the case's family.
+pub fn default_image(case: &Case) -> Result<String, CliError> {
+    ["beauty", "with", "obj_table", "hdr"]
+        .iter()
+        .find(|&&name| case.images.iter().any(|i| i.name == name))
+        .map(|name| (*name).to_string())
+        .ok_or_else(|| CliError::on(case.file.display(), "has no main picture: name one with --image"))
+}
+
+/// The still of one image of a case.
+pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, CliError> {
+    let file = |e: crate::assets::error::AssetError| CliError(e.to_string());
+    if case.image(image).map_err(file)?.is_mask() {
+        return Err(CliError(format!(
+            "--image = {image}: is a mask; must be one of the pictures of {}",
+            case.file.display()
+        )));
+    }
+    let scene = case.scene(Some(image)).map_err(file)?;
+    let emitters = case.emitters(Some(image)).map_err(file)?;
+    let sources = case_light::sources(case, &emitters)?;
+    let light = case_light::split_for_objects(case, &scene, &sources, quality.sh_order)?;
+    let background = background::shade(case, &scene, &sources);
+    let quantity = if image == "ratio" {
+        Quantity::Ratio
+    } else if image.starts_with("diff_") {
+        Quantity::Difference
+    } else {
+        Quantity::Radiance
+    };
+    Ok(Still {
+        scene,
+        lens: case.lens,
+        world_from_camera: case.world_from_camera,
+        light,
+        background,
+        quantity,
+    })
+}
+
+impl Still {
+    /// Draws it. Exposure in seconds for the 8-bit picture; `None` puts nine tenths of the place below 0.8.
+    /// Drawn `repeat` times more, each pass is reported with its median time.
+    pub fn draw(
+        &self,
+        engine: &mut dyn Engine,
+        quality: &Quality,
+        exposure_s: Option<f64>,
+        repeat: usize,
+    ) -> Result<Drawn, CliError> {
+        let failed = |e: crate::engine::EngineError| CliError(e.to_string());
+        engine.load_scene(&self.scene).map_err(failed)?;
+        let mut plan = FramePlan::default();
+        let occasion = Occasion { camera: Some((&self.lens, &self.world_from_camera)), ..Occasion::SHOW };
+        effects::plan(&occasion, &self.scene, &self.light, quality, &mut plan);
+        let time_s = exposure_s.unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
+        let input = RelightInput {
+            background: &self.background,
+            lens: &self.lens,
+            world_from_camera: &self.world_from_camera,
+            light: &self.light,
+            response: &Response::srgb(),
+            shown_exposure: Exposure { time_s, gain: 1.0 },
+            t: Timestamp(0),
+        };
+        let mut picture = Picture::default();
+        engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+        let mut timings = Vec::new();
+        engine.take_timings(&mut timings);
+        let mut runs = vec![Vec::with_capacity(repeat); timings.len()];
+        for _ in 0..repeat {
+            engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+            engine.take_timings(&mut timings);
+            runs.iter_mut().zip(&timings).for_each(|(run, t)| run.push(t.ms));
+        }
+        for (timing, run) in timings.iter_mut().zip(&mut runs) {
+            run.sort_by(f32::total_cmp);
+            timing.ms = run.get(run.len() / 2).copied().unwrap_or(timing.ms);
+        }
+        let mut radiance = picture.radiance;
+        let pairs = radiance.pixels_mut().iter_mut().zip(self.background.radiance.pixels());
+        for (out, without) in pairs {
+            for (o, &w) in out.iter_mut().zip(without) {
+                match self.quantity {
+                    Quantity::Radiance => {}
+                    Quantity::Ratio => *o = if w > 0.0 { *o / w } else { 1.0 },
+                    Quantity::Difference => *o = w - *o,
+                }
+            }
+        }
+        Ok(Drawn { radiance, display: picture.display, plan, timings })
+    }
+}
+
+/// Puts nine tenths of all channels below an exposure of 0.8.
+fn pleasant_exposure_s(picture: &RadianceImage) -> f64 {
+    let mut all: Vec<f32> = picture.pixels().iter().flatten().copied().filter(|c| *c > 0.0).collect();
+    all.sort_by(f32::total_cmp);
+    all.get(all.len() * 9 / 10).map_or(1.0, |&high| 0.8 / f64::from(high))
+}
