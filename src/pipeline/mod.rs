@@ -1,1 +1,3 @@
-//! (placeholder until this room is built)
+//! Layer 4: events in order of time; threads live here and nowhere else.
+
+pub mod tracking;
