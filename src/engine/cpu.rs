@@ -9,7 +9,7 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame},
     tonemap::ToneTable,
 };
-use crate::light::{project_sh, unwrap_ball::BallUnwrapper};
+use crate::light::{project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::math::sh::MAX_ORDER;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
@@ -32,7 +32,7 @@ pub struct CpuEngine {
     pool: rayon::ThreadPool,
     work: Work,
     unwrapper: BallUnwrapper,
-    light_samples: RadianceSamples,
+    samples: RadianceSamples,
     timings: Vec<PassTiming>,
 }
 
@@ -66,7 +66,7 @@ impl CpuEngine {
             pool,
             work: Work::default(),
             unwrapper: BallUnwrapper::new(),
-            light_samples: RadianceSamples::default(),
+            samples: RadianceSamples::default(),
             timings: Vec::with_capacity(TIMINGS_KEPT),
         })
     }
@@ -107,25 +107,22 @@ impl Engine for CpuEngine {
                 quality.sh_order
             )));
         }
-        let (unwrapper, samples) = (&mut self.unwrapper, &mut self.light_samples);
-        let flags = match job {
-            LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
-                timed(&mut self.timings, Pass::UnwrapBall, || {
-                    self.pool.install(|| {
+        let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
+        self.pool.install(|| {
+            let flags = match job {
+                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                    timed(timings, Pass::UnwrapBall, || {
                         unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
                     })
-                })
-                .map_err(|e| EngineError::Input(e.to_string()))?
-            }
-            LightJob::Map(_) => {
-                return Err(EngineError::Input("environment pictures are not read yet".into()));
-            }
-        };
-        let samples = &*samples;
-        let total = timed(&mut self.timings, Pass::ProjectSh, || {
-            self.pool.install(|| project_sh::project_sh(samples, quality.sh_order))
-        });
-        Ok(MeasuredLight { total, flags })
+                    .map_err(|e| EngineError::Input(e.to_string()))?
+                }
+                LightJob::Map(_) => {
+                    return Err(EngineError::Input("environment pictures are not read yet".into()));
+                }
+            };
+            let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
+            Ok(MeasuredLight { total, flags })
+        })
     }
 
     fn relight(
