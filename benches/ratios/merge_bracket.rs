@@ -1,14 +1,21 @@
 //! `hdr::merge_bracket` against a plain f32 loop, and its bytes per second against a memory copy.
 
+use glam::DVec3;
 use halflight::{
-    hdr::merge_bracket::{merge_bracket, weight},
+    hdr::{
+        merge_bracket::{merge_bracket, weight},
+        sliding::SlidingMerge,
+    },
+    math::{lens::Lens, pose::Pose},
     model::{
-        frame::Exposure,
+        frame::{Exposure, RawFrame},
         image::{HdrImage, Rgb8Image},
         response::Response,
+        rig::MirrorBall,
+        time::Timestamp,
     },
 };
-use std::{hint::black_box, time::Instant};
+use std::{hint::black_box, sync::Arc, time::Instant};
 
 /// [DM97] as one would write it down: for each pixel and channel, a loop over the pictures.
 fn merge_naive(pictures: &[&Rgb8Image], times_s: &[f32], response: &Response) -> Vec<[f32; 3]> {
@@ -104,4 +111,30 @@ pub fn run() {
         gigabytes_s(copy),
         gigabytes_s(ours) / gigabytes_s(copy)
     );
+    println!("  sliding merge {:8.3} ms: two older frames warped, ball of 150 px, and merged", sliding_ms());
+}
+
+/// Median time of a sliding merge of a moving camera.
+fn sliding_ms() -> f64 {
+    let (response, times_s) = (Response::srgb(), [0.004f32, 0.016, 0.064]);
+    let pictures: Vec<_> = bracket(640, 480, &times_s, &response).into_iter().map(Arc::new).collect();
+    let ball =
+        MirrorBall { centre_world: DVec3::new(0.0, 0.0, 0.05), radius_m: 0.05, reflectance_rgb: [1.0; 3] };
+    let mut ring = SlidingMerge::new(3, &Lens::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0), Some(ball));
+    let mut out = HdrImage::default();
+    let mut sequence = 0u64;
+    time_ms(61, || {
+        let k = sequence as usize % 3;
+        let eye = DVec3::new(0.002 * (sequence % 50) as f64, -0.4, 0.3);
+        let frame = RawFrame {
+            sequence,
+            t_mid: Timestamp(0),
+            exposure: Exposure { time_s: f64::from(times_s[k]), gain: 1.0 },
+            pixels: Arc::clone(&pictures[k]),
+        };
+        ring.push(&frame, Some(Pose::look_at(eye, DVec3::ZERO, DVec3::Z))).expect("a sound frame");
+        ring.merge(&response, &mut out).expect("a sound bracket");
+        sequence += 1;
+    })
+    .0
 }

@@ -2,6 +2,7 @@
 
 pub mod attribute;
 pub mod merge_bracket;
+mod reflected_point;
 pub mod register;
 pub mod response;
 pub mod sliding;

@@ -1,7 +1,10 @@
 //! From a linear picture to light: unwrap, project, split, follow.
 
+pub mod clipped;
+pub mod fill;
 pub mod follow;
 pub mod maps;
 pub mod project_sh;
 pub mod split;
+pub mod surface;
 pub mod unwrap_ball;

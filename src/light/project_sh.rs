@@ -206,9 +206,10 @@ mod tests {
     fn six_million_samples_and_a_sun_keep_their_digits() {
         // Section 10 of the spec: one running sum loses 2.9 % here; the tree must keep 2e-6.
         let count = 6_000_000;
-        let mut all = RadianceSamples::default();
-        all.directions = vec![[0.0, 0.0, 1.0, 2e-6]; count];
-        all.radiance = vec![[1.0, 1.0, 1.0, 0.0]; count];
+        let mut all = RadianceSamples {
+            directions: vec![[0.0, 0.0, 1.0, 2e-6]; count],
+            radiance: vec![[1.0, 1.0, 1.0, 0.0]; count],
+        };
         all.radiance[17] = [1e6, 1e6, 1e6, 0.0];
         let omega = f64::from(2e-6f32);
         let want = 0.28209479177387814 * omega * ((count - 1) as f64 + 1e6);

@@ -1,1 +1,661 @@
-//! (placeholder until this room is built)
+//! A photograph of a mirror ball to radiance samples, by tracing each pixel's corner rays to the calibrated sphere
+//! (section 3 of the project's formulas; never the angular-map formula). Twin of `shaders/light/unwrap_ball.wgsl`:
+//! the twins share [`BallView::prepare`] (rays), [`reflect_corner`] and [`cell`] (the kernel), and
+//! [`BallUnwrapper::finish`] (what the ball does not show).
+
+use super::{clipped::ClippedLights, fill, surface::SurfaceFit};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    estimate::LightFlags,
+    image::{FILLED, HdrImage, LOWER_BOUND, NOT_FINITE},
+    light::RadianceSamples,
+    rig::MirrorBall,
+};
+use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Pixels beyond this share of the silhouette's radius are left out: the picture there is squeezed without bound.
+pub const RIM: f64 = 0.98;
+/// What an infinite radiance is replaced by (just below what half floats hold).
+pub const LARGEST_RADIANCE: f32 = 64_000.0;
+/// Directions of the fixed grid from which unseen parts are filled, on the whole sphere.
+pub const FILL_DIRECTIONS: usize = 4096;
+
+/// Why a ball gives no light.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UnwrapError {
+    /// Radius or reflectance make no sense.
+    #[error("mirror ball: {what} = {value}: must be {allowed}")]
+    BadBall {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// The picture is not the lens's, or its parts differ in size.
+    #[error("picture of {got_width} x {got_height} pixels for a lens of {want_width} x {want_height}")]
+    WrongSize {
+        /// Columns of the picture.
+        got_width: usize,
+        /// Rows of the picture.
+        got_height: usize,
+        /// Columns of the lens.
+        want_width: usize,
+        /// Rows of the lens.
+        want_height: usize,
+    },
+    /// The camera is inside the ball.
+    #[error("the camera is {distance_m:.4} m from the ball's centre, inside its radius of {radius_m} m")]
+    Inside {
+        /// Distance of the camera from the centre, metres.
+        distance_m: f64,
+        /// Radius, metres.
+        radius_m: f64,
+    },
+    /// No pixel shows enough of the ball.
+    #[error("the mirror ball at {centre_world:?} m is not in the picture (or smaller than two pixels)")]
+    NotVisible {
+        /// Centre, world frame, metres.
+        centre_world: [f64; 3],
+    },
+}
+
+/// Where the ball is in a picture, and the rays of its pixels' corners: all that the kernel needs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BallView {
+    /// First column of the region that holds the ball.
+    pub x: usize,
+    /// First row of the region.
+    pub y: usize,
+    /// Columns of the region.
+    pub width: usize,
+    /// Rows of the region.
+    pub height: usize,
+    /// (width + 1) x (height + 1) unit rays in the world frame through the pixel corners, row by row; w = 1, or 0
+    /// where the lens has no ray.
+    pub corner_rays: Vec<[f32; 4]>,
+    /// The sphere as the kernel takes it.
+    pub sphere: KernelSphere,
+    /// Whether the whole silhouette is in the picture.
+    pub whole: bool,
+}
+
+/// The ball seen from the camera, in the world frame's axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct KernelSphere {
+    /// From the ball's centre to the camera, metres.
+    pub eye_from_centre: [f32; 3],
+    /// Metres.
+    pub radius: f32,
+    /// Square of the largest distance between ray and centre that still counts (the rim), square metres.
+    pub rim_squared: f32,
+}
+
+/// Checks a ball and a picture against each other.
+fn check(picture: &HdrImage, lens: &Lens, eye: DVec3, ball: &MirrorBall) -> Result<(), UnwrapError> {
+    let (got_width, got_height) = (picture.radiance.width(), picture.radiance.height());
+    let (want_width, want_height) = (lens.width as usize, lens.height as usize);
+    let flags_fit = (picture.flags.width(), picture.flags.height()) == (got_width, got_height);
+    if (got_width, got_height) != (want_width, want_height) || !flags_fit {
+        return Err(UnwrapError::WrongSize { got_width, got_height, want_width, want_height });
+    }
+    if !(ball.radius_m.is_finite() && ball.radius_m > 0.0) {
+        return Err(UnwrapError::BadBall {
+            what: "radius_m",
+            value: ball.radius_m,
+            allowed: "positive, in metres",
+        });
+    }
+    for reflectance in ball.reflectance_rgb {
+        if !(reflectance > 0.0 && reflectance <= 1.0) {
+            return Err(UnwrapError::BadBall {
+                what: "reflectance_rgb",
+                value: f64::from(reflectance),
+                allowed: "within (0, 1] for each channel",
+            });
+        }
+    }
+    let distance_m = eye.distance(ball.centre_world);
+    if distance_m.is_nan() || distance_m <= ball.radius_m {
+        return Err(UnwrapError::Inside { distance_m, radius_m: ball.radius_m });
+    }
+    Ok(())
+}
+
+impl BallView {
+    /// Finds the ball in a picture of this lens and pose, and makes the corner rays; keeps its memory.
+    pub fn prepare(
+        &mut self,
+        lens: &Lens,
+        world_from_camera: &Pose,
+        ball: &MirrorBall,
+    ) -> Result<(), UnwrapError> {
+        let eye = world_from_camera.translation;
+        let to_eye = eye - ball.centre_world;
+        let distance = to_eye.length();
+        if distance.is_nan() || distance <= ball.radius_m {
+            return Err(UnwrapError::Inside { distance_m: distance, radius_m: ball.radius_m });
+        }
+        let hidden = || UnwrapError::NotVisible { centre_world: ball.centre_world.to_array() };
+        let (low, high, in_front) = silhouette_box(lens, world_from_camera, ball).ok_or_else(hidden)?;
+        // Two pixels of margin: the box is that of a polygon on the silhouette.
+        let inside = |v: f64, size: u32| (v.clamp(0.0, f64::from(size))) as usize;
+        let (x0, y0) = (inside(low.x - 2.0, lens.width), inside(low.y - 2.0, lens.height));
+        let (x1, y1) = (inside(high.x + 3.0, lens.width), inside(high.y + 3.0, lens.height));
+        if x1 < x0 + 2 || y1 < y0 + 2 {
+            return Err(hidden());
+        }
+        self.whole = in_front
+            && low.x >= 0.0
+            && low.y >= 0.0
+            && high.x <= f64::from(lens.width)
+            && high.y <= f64::from(lens.height);
+        (self.x, self.y, self.width, self.height) = (x0, y0, x1 - x0, y1 - y0);
+        // r = tan psi / tan asin q <= RIM, as a bound on the distance D sin psi between ray and centre.
+        let q = ball.radius_m / distance;
+        let tangent = RIM * q / (1.0 - q * q).sqrt();
+        let rim = distance * tangent / (1.0 + tangent * tangent).sqrt();
+        self.sphere = KernelSphere {
+            eye_from_centre: to_eye.as_vec3().to_array(),
+            radius: ball.radius_m as f32,
+            rim_squared: (rim * rim) as f32,
+        };
+        let columns = self.width + 1;
+        self.corner_rays.resize(columns * (self.height + 1), [0.0; 4]);
+        self.corner_rays.par_chunks_mut(columns).enumerate().for_each(|(row, rays)| {
+            for (column, ray) in rays.iter_mut().enumerate() {
+                let pixel = DVec2::new((x0 + column) as f64, (y0 + row) as f64);
+                *ray = match lens.unproject(pixel) {
+                    Some(d) => world_from_camera.rotate(d).as_vec3().extend(1.0).to_array(),
+                    None => [0.0; 4],
+                };
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Box of the silhouette in continuous pixels (not clipped to the picture), and whether all of it projects.
+fn silhouette_box(lens: &Lens, world_from_camera: &Pose, ball: &MirrorBall) -> Option<(DVec2, DVec2, bool)> {
+    const POINTS: usize = 64;
+    let camera_from_world = world_from_camera.inverse();
+    let to_eye = world_from_camera.translation - ball.centre_world;
+    let axis = to_eye.normalize();
+    let q = ball.radius_m / to_eye.length();
+    let (right, up) = axis.any_orthonormal_pair();
+    let (mut low, mut high, mut all) = (DVec2::INFINITY, DVec2::NEG_INFINITY, true);
+    for k in 0..POINTS {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
+        // The circle in which the cone of view touches the ball.
+        let around = (right * cos + up * sin) * (1.0 - q * q).sqrt();
+        let point = ball.centre_world + (axis * q + around) * ball.radius_m;
+        match lens.project(camera_from_world.transform(point)) {
+            Some(pixel) => (low, high) = (low.min(pixel), high.max(pixel)),
+            None => all = false,
+        }
+    }
+    (low.is_finite() && high.is_finite()).then_some((low, high, all))
+}
+
+/// The kernel's first half: mirrors a corner's ray. xyz: unit reflected direction; w: 1 where the ray meets the
+/// ball inside the rim, else 0.
+///
+/// With m = e - (e.k) k the foot of the perpendicular from the centre, the normal is (m - sqrt(r^2 - m^2) k) / r:
+/// a form that keeps its digits in f32 although the camera may be many radii away.
+pub fn reflect_corner(ray: [f32; 4], sphere: &KernelSphere) -> [f32; 4] {
+    let k = Vec3::new(ray[0], ray[1], ray[2]);
+    let eye = Vec3::from_array(sphere.eye_from_centre);
+    let along = eye.dot(k);
+    let foot = eye - k * along;
+    let distance_squared = foot.dot(foot);
+    if ray[3] == 0.0 || along >= 0.0 || distance_squared > sphere.rim_squared {
+        return [0.0; 4];
+    }
+    let half_chord = (sphere.radius * sphere.radius - distance_squared).sqrt();
+    let normal = (foot - k * half_chord) / sphere.radius;
+    let reflected = k + normal * (2.0 * half_chord / sphere.radius);
+    (reflected / reflected.length()).extend(1.0).to_array()
+}
+
+/// The kernel's second half: direction (xyz, unit) and solid angle (w, steradians) of one pixel from its four
+/// reflected corners in order around it; w = 0 where a corner is missing (rim, partly covered pixels).
+///
+/// The solid angle is that of the spherical quadrilateral, the direction its centroid. With `above_horizon` only the
+/// part with z > 0 counts: a pixel that straddles the horizon is clipped there.
+pub fn cell(corners: [[f32; 4]; 4], above_horizon: bool) -> [f32; 4] {
+    if corners.iter().any(|c| c[3] == 0.0) {
+        return [0.0; 4];
+    }
+    let mut polygon = [Vec3::ZERO; 5];
+    let mut count = 4;
+    for (slot, corner) in polygon.iter_mut().zip(corners) {
+        *slot = Vec3::new(corner[0], corner[1], corner[2]);
+    }
+    if above_horizon && corners.iter().any(|c| c[2] <= 0.0) {
+        (polygon, count) = clip_at_horizon(&polygon);
+    }
+    let (mut total, mut moment) = (0.0, Vec3::ZERO);
+    for k in 2..count {
+        let (a, b, c) = (polygon[0], polygon[k - 1], polygon[k]);
+        // The triple product of the differences: nearly parallel vectors keep their digits.
+        let volume = a.dot((b - a).cross(c - a));
+        let omega = 2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        total += omega;
+        moment += (a + b + c) * omega;
+    }
+    let length = moment.length();
+    // A mirror turns the corners' order over; the sign of both sums turns with it.
+    if length.is_nan() || length <= 0.0 {
+        return [0.0; 4];
+    }
+    (moment * (total.signum() / length)).extend(total.abs()).to_array()
+}
+
+/// The part of a spherical quadrilateral with z >= 0: up to five corners. (A point of the chord with z = 0 lies on the
+/// great circle through the chord's ends.)
+fn clip_at_horizon(quad: &[Vec3; 5]) -> ([Vec3; 5], usize) {
+    let (mut out, mut count) = ([Vec3::ZERO; 5], 0);
+    for k in 0..4 {
+        let (a, b) = (quad[k], quad[(k + 1) % 4]);
+        if a.z > 0.0 && count < 5 {
+            out[count] = a;
+            count += 1;
+        }
+        if (a.z > 0.0) != (b.z > 0.0) && count < 5 {
+            let crossing = a + (b - a) * (a.z / (a.z - b.z));
+            let flat = Vec3::new(crossing.x, crossing.y, 0.0);
+            let length = flat.length();
+            if length > 0.0 {
+                out[count] = flat / length;
+                count += 1;
+            }
+        }
+    }
+    (out, if count >= 3 { count } else { 0 })
+}
+
+/// One frame's ball, unwrapped again and again without new memory.
+#[derive(Debug, Default)]
+pub struct BallUnwrapper {
+    view: BallView,
+    corners: Vec<[f32; 4]>,
+    cells: Vec<[f32; 4]>,
+    pixel_of_sample: Vec<u32>,
+    fill: fill::Fill,
+    surface: SurfaceFit,
+    clipped: ClippedLights,
+}
+
+impl BallUnwrapper {
+    /// With empty buffers.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// See [`unwrap_ball`].
+    pub fn unwrap(
+        &mut self,
+        picture: &HdrImage,
+        lens: &Lens,
+        world_from_camera: &Pose,
+        ball: &MirrorBall,
+        on_surface: bool,
+        out: &mut RadianceSamples,
+    ) -> Result<LightFlags, UnwrapError> {
+        check(picture, lens, world_from_camera.translation, ball)?;
+        // Taken out for the time of the call, since both are read while `self` works.
+        let mut view = std::mem::take(&mut self.view);
+        let mut cells = std::mem::take(&mut self.cells);
+        let result = view.prepare(lens, world_from_camera, ball).and_then(|()| {
+            self.trace(&view, on_surface, &mut cells);
+            self.finish(&view, &cells, picture, lens, world_from_camera, ball, on_surface, out)
+        });
+        (self.view, self.cells) = (view, cells);
+        result
+    }
+
+    /// The kernel over all pixels of the region: `cells` gets width x height directions with solid angles.
+    pub fn trace(&mut self, view: &BallView, on_surface: bool, cells: &mut Vec<[f32; 4]>) {
+        let columns = view.width + 1;
+        self.corners.resize(view.corner_rays.len(), [0.0; 4]);
+        cells.resize(view.width * view.height, [0.0; 4]);
+        self.corners.par_chunks_mut(columns).zip(view.corner_rays.par_chunks(columns)).for_each(
+            |(out, rays)| {
+                for (out, ray) in out.iter_mut().zip(rays) {
+                    *out = reflect_corner(*ray, &view.sphere);
+                }
+            },
+        );
+        let corners = &self.corners;
+        cells.par_chunks_mut(view.width.max(1)).enumerate().for_each(|(row, out)| {
+            let (top, bottom) = (&corners[row * columns..], &corners[(row + 1) * columns..]);
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = cell([top[i], top[i + 1], bottom[i + 1], bottom[i]], on_surface);
+            }
+        });
+    }
+
+    /// From traced cells to samples of the whole sphere: takes the radiance, puts bad texels right, fills what the
+    /// ball does not show, and (`on_surface`) replaces all below the horizon by the unshadowed surface. Both engines
+    /// end here. `cells`: width x height of the view, as from [`BallUnwrapper::trace`].
+    #[expect(clippy::too_many_arguments, reason = "the parts of one measurement, all needed")]
+    pub fn finish(
+        &mut self,
+        view: &BallView,
+        cells: &[[f32; 4]],
+        picture: &HdrImage,
+        lens: &Lens,
+        world_from_camera: &Pose,
+        ball: &MirrorBall,
+        on_surface: bool,
+        out: &mut RadianceSamples,
+    ) -> Result<LightFlags, UnwrapError> {
+        check(picture, lens, world_from_camera.translation, ball)?;
+        out.directions.clear();
+        out.radiance.clear();
+        self.pixel_of_sample.clear();
+        let mut flags = LightFlags::default();
+        for (index, cell) in cells.iter().enumerate() {
+            if cell[3] <= 0.0 {
+                continue;
+            }
+            let (x, y) = (view.x + index % view.width, view.y + index / view.width);
+            let (radiance, bits) = sane_radiance(picture, x, y);
+            flags.saturated_texels += u32::from(bits & LOWER_BOUND != 0);
+            flags.not_finite_texels += u32::from(bits & NOT_FINITE != 0);
+            out.directions.push(*cell);
+            let light: [f32; 3] = std::array::from_fn(|c| radiance[c] / ball.reflectance_rgb[c]);
+            out.radiance.push([light[0], light[1], light[2], f32::from(bits)]);
+            self.pixel_of_sample.push(index as u32);
+        }
+        let seen = out.directions.len();
+        if seen == 0 {
+            return Err(UnwrapError::NotVisible { centre_world: ball.centre_world.to_array() });
+        }
+        let past = fill::PastTheBall { picture, lens, world_from_camera, ball };
+        let mut filled_sr = self.fill.append(view, cells, &past, on_surface, out);
+        if on_surface {
+            self.surface.gather(picture, lens, world_from_camera, ball);
+            self.clipped.find(view.width, &self.pixel_of_sample, out);
+            let (surface_rgb, bits) = match self.surface.solve(&mut self.clipped, out) {
+                Some(surface_rgb) => (surface_rgb, 0),
+                None => {
+                    // No usable surface in the picture: what the ball itself shows of it, shadow and all.
+                    filled_sr += std::f64::consts::TAU;
+                    (fill::below_horizon_on_ball(view, picture, ball), FILLED)
+                }
+            };
+            fill::unmix_horizon(view, &self.pixel_of_sample, surface_rgb, out);
+            fill::append_lower_half(surface_rgb, bits, out);
+        }
+        flags.texels = out.directions.len() as u32;
+        flags.filled_share = (filled_sr / (4.0 * std::f64::consts::PI)) as f32;
+        Ok(flags)
+    }
+}
+
+/// Light from a photograph of a mirror ball: radiance samples of the whole sphere, world frame.
+///
+/// Each pixel wholly on the ball and inside [`RIM`] becomes one sample, with the solid angle and centroid of the
+/// spherical quadrilateral into which its corner rays are mirrored, and radiance / reflectance. Texels that are not
+/// finite are replaced and flagged; saturated ones keep `LOWER_BOUND`. All solid angles together are 4 pi.
+///
+/// The cone behind the ball (and whatever lies outside the picture) is filled from the camera's own view past the
+/// ball where that covers it, else smoothly from its neighbours with the flag `FILLED`; `filled_share` is the share
+/// of the sphere filled in this second way.
+///
+/// `on_surface`: the ball stands on (or over) the matt surface z = 0, which is in the picture too. Then every
+/// direction with z < 0 gets the radiance of the surface where the ball does not darken it: a robust fit of the
+/// surface's pixels to the light found, each with the ball in its way (see [`SurfaceFit`]). The same fit gives the
+/// true radiance of lights that are saturated in every exposure, from how deep their shadow is; their samples keep
+/// `LOWER_BOUND` all the same. Without any usable surface in the picture the ball's own view of it is taken, flagged.
+///
+/// Keep a [`BallUnwrapper`] to unwrap frame by frame without new memory.
+pub fn unwrap_ball(
+    picture: &HdrImage,
+    lens: &Lens,
+    world_from_camera: &Pose,
+    ball: &MirrorBall,
+    on_surface: bool,
+    out: &mut RadianceSamples,
+) -> Result<LightFlags, UnwrapError> {
+    BallUnwrapper::new().unwrap(picture, lens, world_from_camera, ball, on_surface, out)
+}
+
+/// The radiance and flags of a pixel, made finite and not negative: infinite becomes [`LARGEST_RADIANCE`], NaN the mean
+/// of the sound ones among its eight neighbours (else 0).
+pub(super) fn sane_radiance(picture: &HdrImage, x: usize, y: usize) -> ([f32; 3], u8) {
+    let radiance = *picture.radiance.at(x, y);
+    let flags = *picture.flags.at(x, y);
+    if radiance.iter().all(|c| c.is_finite()) {
+        return (radiance.map(|c| c.max(0.0)), flags);
+    }
+    let mend = |channel: usize| {
+        let c = radiance[channel];
+        if c.is_finite() {
+            return c.max(0.0);
+        }
+        if c == f32::INFINITY {
+            return LARGEST_RADIANCE;
+        }
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in y.saturating_sub(1)..(y + 2).min(picture.radiance.height()) {
+            for x in x.saturating_sub(1)..(x + 2).min(picture.radiance.width()) {
+                let c = picture.radiance.at(x, y)[channel];
+                if c.is_finite() {
+                    sum += c.max(0.0);
+                    count += 1.0;
+                }
+            }
+        }
+        if count > 0.0 { sum / count } else { 0.0 }
+    };
+    (std::array::from_fn(mend), flags | NOT_FINITE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::lens::Distortion;
+    use crate::model::image::Image;
+
+    const BALL: MirrorBall =
+        MirrorBall { centre_world: DVec3::new(0.1, -0.05, 0.3), radius_m: 0.05, reflectance_rgb: [0.5; 3] };
+
+    fn view_from(eye: DVec3) -> Pose {
+        // Not straight at the ball: the silhouette is an ellipse off the centre.
+        Pose::look_at(eye, BALL.centre_world + DVec3::new(0.03, 0.02, -0.02), DVec3::Z)
+    }
+
+    /// What a camera sees of a ball in a far environment: radiance by direction, 4 x 4 rays a pixel.
+    fn photograph(
+        lens: &Lens,
+        pose: &Pose,
+        ball: &MirrorBall,
+        light: impl Fn(DVec3) -> [f64; 3],
+    ) -> HdrImage {
+        let (width, height) = (lens.width as usize, lens.height as usize);
+        let mut radiance = Image::filled(width, height, [0.0f32; 3]);
+        for y in 0..height {
+            for x in 0..width {
+                let mut sum = [0.0; 3];
+                for tap in 0..16 {
+                    let at = DVec2::new(
+                        x as f64 + ((tap % 4) as f64 + 0.5) / 4.0,
+                        y as f64 + ((tap / 4) as f64 + 0.5) / 4.0,
+                    );
+                    let Some(ray) = lens.unproject(at) else { continue };
+                    let ray = pose.rotate(ray);
+                    let hit = crate::math::sphere::reflect_off_sphere(
+                        pose.translation,
+                        ray,
+                        ball.centre_world,
+                        ball.radius_m,
+                    );
+                    let (direction, share) = match hit {
+                        Some(hit) => (hit.reflected, ball.reflectance_rgb.map(f64::from)),
+                        None => (ray, [1.0; 3]),
+                    };
+                    let c = light(direction);
+                    for k in 0..3 {
+                        sum[k] += c[k] * share[k] / 16.0;
+                    }
+                }
+                *radiance.at_mut(x, y) = sum.map(|c| c as f32);
+            }
+        }
+        HdrImage { flags: Image::filled(width, height, 0), radiance }
+    }
+
+    /// Integral of radiance, and of radiance times direction.
+    fn moments(samples: &RadianceSamples, channel: usize) -> (f64, DVec3) {
+        let (mut sum, mut moment) = (0.0, DVec3::ZERO);
+        for (d, c) in samples.directions.iter().zip(&samples.radiance) {
+            let light = f64::from(c[channel] * d[3]);
+            sum += light;
+            moment += DVec3::new(d[0].into(), d[1].into(), d[2].into()) * light;
+        }
+        (sum, moment)
+    }
+
+    fn lenses() -> [Lens; 3] {
+        let pinhole = Lens::pinhole(320, 240, 500.0, 510.0, 150.0, 125.0);
+        let mut bent = pinhole;
+        bent.distortion = Distortion::RadialTangential([-0.2, 0.05, 1e-3, -1e-3, 0.0, 0.0, 0.0, 0.0]);
+        let mut fisheye = Lens::pinhole(320, 240, 300.0, 300.0, 160.0, 120.0);
+        fisheye.distortion = Distortion::Equidistant([0.02, -0.01, 0.0, 0.0]);
+        [pinhole, bent, fisheye]
+    }
+
+    #[test]
+    fn solid_angles_sum_to_the_sphere_for_any_lens_and_place() {
+        for lens in lenses() {
+            for eye in [DVec3::new(0.5, 0.1, 0.5), DVec3::new(0.1, -0.05, 0.8), DVec3::new(0.0, -0.4, 0.1)] {
+                let pose = view_from(eye);
+                let picture = photograph(&lens, &pose, &BALL, |_| [1.0, 2.0, 3.0]);
+                for on_surface in [false, true] {
+                    let mut samples = RadianceSamples::default();
+                    let flags = unwrap_ball(&picture, &lens, &pose, &BALL, on_surface, &mut samples).unwrap();
+                    let sum: f64 = samples.directions.iter().map(|d| f64::from(d[3])).sum();
+                    assert!((sum / (4.0 * std::f64::consts::PI) - 1.0).abs() < 1e-6, "{sum}");
+                    assert_eq!(flags.texels as usize, samples.directions.len());
+                    // The nearer the camera, the wider the cone behind the ball. (From below no surface is seen,
+                    // and all below the horizon counts as filled.)
+                    let share = flags.filled_share;
+                    assert!(on_surface || (share > 0.005 && share < 0.08), "{flags:?}");
+                    // Uniform light stays uniform, whatever was filled; 1e-3 is the f32 of pixel values.
+                    let uniform = samples.radiance.iter().all(|c| {
+                        (c[0] - 1.0).abs() < 1e-3 && (c[1] - 2.0).abs() < 2e-3 && (c[2] - 3.0).abs() < 3e-3
+                    });
+                    assert!(uniform || on_surface);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_sided_light_comes_from_its_own_side() {
+        // Radiance max(0, axis.w): integral pi, first moment (2 pi / 3) axis.
+        let lens = lenses()[0];
+        for eye in [DVec3::new(0.5, 0.1, 0.5), DVec3::new(-0.3, 0.1, 0.2)] {
+            let pose = view_from(eye);
+            for axis in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z] {
+                let picture = photograph(&lens, &pose, &BALL, |w| [axis.dot(w).max(0.0), 0.0, 1.0]);
+                let mut samples = RadianceSamples::default();
+                unwrap_ball(&picture, &lens, &pose, &BALL, false, &mut samples).unwrap();
+                let (sum, moment) = moments(&samples, 0);
+                // What is behind the ball is filled from around it: a light just there loses up to 5 %.
+                assert!((sum / std::f64::consts::PI - 1.0).abs() < 0.05, "{axis}: {sum}");
+                assert!(moment.angle_between(axis).to_degrees() < 1.5, "{axis}: {moment}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_smooth_environment_is_exact_where_it_is_seen() {
+        let lens = lenses()[2];
+        let pose = view_from(DVec3::new(0.45, 0.2, 0.5));
+        let light = |w: DVec3| [1.0 + 0.5 * w.x, 1.0 + 0.5 * w.y * w.z, 2.0 - w.z];
+        let picture = photograph(&lens, &pose, &BALL, light);
+        let mut samples = RadianceSamples::default();
+        unwrap_ball(&picture, &lens, &pose, &BALL, false, &mut samples).unwrap();
+        for (d, c) in samples.directions.iter().zip(&samples.radiance) {
+            let want = light(DVec3::new(d[0].into(), d[1].into(), d[2].into()));
+            // Pixels at the rim are up to 0.2 rad wide, and their mean is over area, not solid angle.
+            let tolerance = if c[3] as u8 & FILLED != 0 { 0.2 } else { 1.2e-2 };
+            for k in 0..3 {
+                assert!((f64::from(c[k]) - want[k]).abs() < tolerance, "{d:?} {c:?} {want:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bad_texels_are_replaced_flagged_and_counted() {
+        let lens = lenses()[0];
+        let pose = view_from(DVec3::new(0.5, 0.1, 0.5));
+        let mut picture = photograph(&lens, &pose, &BALL, |_| [1.0; 3]);
+        let at = lens.project(pose.inverse().transform(BALL.centre_world)).unwrap();
+        let (x, y) = (at.x as usize, at.y as usize);
+        picture.radiance.at_mut(x, y)[1] = f32::NAN;
+        picture.radiance.at_mut(x + 5, y)[0] = f32::INFINITY;
+        picture.radiance.at_mut(x - 5, y)[2] = -1.0;
+        *picture.flags.at_mut(x, y + 5) = LOWER_BOUND;
+        let mut samples = RadianceSamples::default();
+        let flags = unwrap_ball(&picture, &lens, &pose, &BALL, false, &mut samples).unwrap();
+        assert_eq!((flags.not_finite_texels, flags.saturated_texels), (2, 1));
+        assert!(samples.radiance.iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
+        let flagged = samples.radiance.iter().filter(|c| c[3] as u8 & NOT_FINITE != 0).count();
+        assert_eq!(flagged, 2);
+        assert!(samples.radiance.iter().any(|c| c[0] == 2.0 * LARGEST_RADIANCE));
+    }
+
+    #[test]
+    fn a_ball_half_outside_the_picture_is_filled_and_says_so() {
+        let lens = lenses()[0];
+        let eye = DVec3::new(0.5, 0.1, 0.5);
+        let pose = Pose::look_at(eye, BALL.centre_world + DVec3::new(-0.1, 0.14, 0.0), DVec3::Z);
+        let picture = photograph(&lens, &pose, &BALL, |_| [1.0; 3]);
+        let mut samples = RadianceSamples::default();
+        let flags = unwrap_ball(&picture, &lens, &pose, &BALL, false, &mut samples).unwrap();
+        assert!(flags.filled_share > 0.1 && flags.filled_share < 0.9, "{flags:?}");
+        let sum: f64 = samples.directions.iter().map(|d| f64::from(d[3])).sum();
+        assert!((sum / (4.0 * std::f64::consts::PI) - 1.0).abs() < 1e-6, "{sum}");
+    }
+
+    #[test]
+    fn what_cannot_be_unwrapped_is_refused() {
+        let lens = lenses()[0];
+        let pose = view_from(DVec3::new(0.5, 0.1, 0.5));
+        let picture = photograph(&lens, &pose, &BALL, |_| [1.0; 3]);
+        let mut out = RadianceSamples::default();
+        let mut go = |pose: &Pose, ball: MirrorBall, lens: Lens| {
+            unwrap_ball(&picture, &lens, pose, &ball, true, &mut out).unwrap_err()
+        };
+        let away = Pose::look_at(DVec3::new(0.5, 0.1, 0.5), DVec3::new(1.0, 0.2, 0.6), DVec3::Z);
+        assert!(matches!(go(&away, BALL, lens), UnwrapError::NotVisible { .. }));
+        let inside = Pose::new(pose.rotation, BALL.centre_world);
+        assert!(matches!(go(&inside, BALL, lens), UnwrapError::Inside { .. }));
+        let bad = MirrorBall { radius_m: f64::NAN, ..BALL };
+        assert!(matches!(go(&pose, bad, lens), UnwrapError::BadBall { what: "radius_m", .. }));
+        let black = MirrorBall { reflectance_rgb: [1.0, 0.0, 1.0], ..BALL };
+        assert!(matches!(go(&pose, black, lens), UnwrapError::BadBall { what: "reflectance_rgb", .. }));
+        let small = Lens { width: 100, ..lens };
+        assert!(matches!(go(&pose, BALL, small), UnwrapError::WrongSize { .. }));
+    }
+
+    #[test]
+    fn threads_change_nothing() {
+        let lens = lenses()[0];
+        let pose = view_from(DVec3::new(0.5, 0.1, 0.5));
+        let picture = photograph(&lens, &pose, &BALL, |w| [1.0 + w.x, 1.0 + w.y, 1.0 + w.z]);
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut out = RadianceSamples::default();
+            pool.install(|| unwrap_ball(&picture, &lens, &pose, &BALL, true, &mut out).unwrap());
+            out
+        };
+        assert_eq!(run(1), run(3));
+    }
+}

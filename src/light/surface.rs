@@ -1,0 +1,473 @@
+//! The surface that a mirror ball stands on, as a second light meter: its unshadowed radiance, and the true strength
+//! of lights that are saturated on the ball, read from the depth of their shadows.
+
+use super::{
+    clipped::{ClippedLights, MOST_LIGHTS},
+    fill::bin_of,
+    split::GRAY_PAPER,
+    unwrap_ball::sane_radiance,
+};
+use crate::math::{lens::Lens, pose::Pose, solve::solve_positive};
+use crate::model::{
+    image::{HdrImage, LOWER_BOUND, NOT_FINITE},
+    light::RadianceSamples,
+    rig::MirrorBall,
+};
+use glam::{DVec2, Vec3};
+use rayon::prelude::*;
+
+/// The picture is read in square blocks, about this many in all.
+const BLOCKS: f64 = 5400.0;
+/// The surface is read up to this many radii from the ball's centre.
+const REACH_RADII: f64 = 12.0;
+/// Fewer blocks than this are no surface.
+const FEWEST_POINTS: usize = 32;
+/// Parts of the upper half sphere: rows of the whole sphere, and columns.
+const BIN_ROWS: usize = 32;
+const BIN_COLUMNS: usize = 32;
+/// Unknowns: the surface's reflection, and one for each saturated light.
+const UNKNOWNS: usize = 1 + MOST_LIGHTS;
+/// Relative noise of a block from which weights are reckoned; only its ratio to 1 (the doubt in a half shadow) matters.
+const RELATIVE_NOISE: f64 = 0.02;
+/// A saturated light counts when its shadow stands out by this many standard deviations: more than the usual three,
+/// since what is left after a fit is not only noise.
+const SIGNIFICANCE: f64 = 10.0;
+/// Rounds of reweighting: the weights stand still to 1e-3 after eight.
+const ROUNDS: usize = 12;
+/// Most rounds in which the spread of a saturated light is sharpened.
+const SHARPEN_ROUNDS: usize = 100;
+
+/// One block of surface pixels.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    /// Unit vector to the ball's centre.
+    to_ball: Vec3,
+    /// Sine and cosine of the ball's angular radius.
+    ball_sin: f32,
+    ball_cos: f32,
+    /// Mean of the block.
+    radiance: [f64; 3],
+}
+
+impl Point {
+    /// Share of a small disc of light that the ball leaves visible: a ramp as wide as the disc, in the cosine.
+    fn visible(&self, direction: Vec3, radius_rad: f32) -> f32 {
+        let width = 2.0 * radius_rad.max(1e-3);
+        let ramp = width * self.ball_sin.max(0.5 * width);
+        ((self.ball_cos - direction.dot(self.to_ball)) / ramp + 0.5).clamp(0.0, 1.0)
+    }
+}
+
+/// Part of the upper half sphere.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bin {
+    moment: Vec3,
+    weight: f32,
+    irradiance: Vec3,
+}
+
+/// What one channel says.
+#[derive(Clone, Copy, Debug, Default)]
+struct Solution {
+    /// Surface radiance over irradiance.
+    reflection: f64,
+    /// Surface radiance that each light would add if nothing were in its way and it had its missing part.
+    missing: [f64; MOST_LIGHTS],
+    /// Noise relative to [`RELATIVE_NOISE`].
+    noise: f64,
+}
+
+/// Fit of the surface's pixels to the measured light. For a matt surface of one reflectance, seen at x,
+///
+/// radiance(x) = a sum over samples of V(x, w) L(w) z omega + sum over lights k of b_k V_k(x),
+///
+/// where V is what the ball lets through. a is the reflection (albedo / pi), b_k = a x the irradiance that saturated
+/// light k lacks; a full shadow shows a alone and the lit surface a and b together. Least squares with Cauchy weights
+/// on relative residuals (texture, markings and things on the surface are outliers); half shadows count little, since
+/// they hang on how a light spreads over its pixels. Then that spread is sharpened from the half shadows
+/// (Richardson-Lucy, until the misfit is noise) and the fit is repeated.
+#[derive(Debug, Default)]
+pub struct SurfaceFit {
+    points: Vec<Point>,
+    bins: Vec<Bin>,
+    known: Vec<(Vec3, f32, Vec3)>,
+    /// For each point and channel: irradiance of all samples as they are, the ball in the way.
+    irradiance: Vec<[f64; 3]>,
+    /// For each point: what the ball hides of each cell of the saturated lights.
+    hidden: Vec<f32>,
+    /// For each point: V_k in one channel.
+    lit: Vec<[f64; MOST_LIGHTS]>,
+    weights: Vec<f64>,
+    residuals: Vec<f64>,
+    order: Vec<f64>,
+    in_shadow: Vec<u32>,
+    shade: Vec<f64>,
+    share: Vec<f64>,
+    share_before: Vec<f64>,
+    next_share: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+impl SurfaceFit {
+    /// Reads the surface z = 0 around the ball from the picture, without the ball itself.
+    pub(super) fn gather(
+        &mut self,
+        picture: &HdrImage,
+        lens: &Lens,
+        world_from_camera: &Pose,
+        ball: &MirrorBall,
+    ) {
+        self.points.clear();
+        let (width, height) = (picture.radiance.width(), picture.radiance.height());
+        let side = (((width * height) as f64 / BLOCKS).sqrt().round() as usize).max(1);
+        let eye = world_from_camera.translation;
+        let to_ball = ball.centre_world - eye;
+        // Half a block's diagonal, seen at the ball's distance, keeps blocks off the silhouette.
+        let margin = side as f64 * std::f64::consts::FRAC_1_SQRT_2 / lens.fx.min(lens.fy);
+        let clear = 1.03 * ball.radius_m + margin * to_ball.length();
+        for y in (0..height - height % side).step_by(side) {
+            for x in (0..width - width % side).step_by(side) {
+                let half = side as f64 / 2.0;
+                let Some(ray) = lens.unproject(DVec2::new(x as f64 + half, y as f64 + half)) else {
+                    continue;
+                };
+                let ray = world_from_camera.rotate(ray);
+                let distance = -eye.z / ray.z;
+                if !(distance > 0.0 && distance.is_finite()) || ray.cross(to_ball).length() < clear {
+                    continue;
+                }
+                let offset = ball.centre_world - (eye + ray * distance);
+                let length = offset.length();
+                if length > REACH_RADII * ball.radius_m || length <= ball.radius_m {
+                    continue;
+                }
+                let Some(radiance) = block_mean(picture, x, y, side) else { continue };
+                let sine = ball.radius_m / length;
+                self.points.push(Point {
+                    to_ball: (offset / length).as_vec3(),
+                    ball_sin: sine as f32,
+                    ball_cos: (1.0 - sine * sine).sqrt() as f32,
+                    radiance,
+                });
+            }
+        }
+    }
+
+    /// The surface's unshadowed radiance under the samples of the upper half sphere; raises saturated samples to what
+    /// their shadow says. `None` (and nothing changed) where the picture shows too little surface, or no light falls.
+    pub(super) fn solve(
+        &mut self,
+        clipped: &mut ClippedLights,
+        samples: &mut RadianceSamples,
+    ) -> Option<[f32; 3]> {
+        if self.points.len() < FEWEST_POINTS {
+            return None;
+        }
+        self.gather_bins(samples);
+        let total = self
+            .known
+            .iter()
+            .fold([0.0; 3], |sum: [f64; 3], (_, _, e)| std::array::from_fn(|c| sum[c] + f64::from(e[c])));
+        let (points, known) = (&self.points, &self.known);
+        points
+            .par_iter()
+            .with_min_len(64)
+            .map(|point| irradiance_at(point, known))
+            .collect_into_vec(&mut self.irradiance);
+        self.find_hidden(clipped);
+        let mut solutions = self.fit_channels(clipped)?;
+        if solutions.iter().any(|s| s.missing.iter().any(|b| *b > 0.0)) {
+            self.sharpen(&solutions, clipped);
+            solutions = self.fit_channels(clipped)?;
+            let mut missing = [[0.0; 3]; MOST_LIGHTS];
+            for (light, missing) in missing.iter_mut().enumerate() {
+                *missing = std::array::from_fn(|c| solutions[c].missing[light] / solutions[c].reflection);
+            }
+            clipped.add_missing(&missing, samples);
+        }
+        Some(std::array::from_fn(|c| {
+            let solution = &solutions[c];
+            (solution.reflection * total[c] + solution.missing.iter().sum::<f64>()) as f32
+        }))
+    }
+
+    /// The light as some hundred discs: centroid, angular radius and irradiance on the surface.
+    fn gather_bins(&mut self, samples: &RadianceSamples) {
+        self.bins.clear();
+        self.bins.resize(BIN_ROWS * BIN_COLUMNS, Bin::default());
+        let gray = Vec3::from_array(GRAY_PAPER);
+        for (d, c) in samples.directions.iter().zip(&samples.radiance) {
+            let direction = Vec3::new(d[0], d[1], d[2]);
+            let irradiance = Vec3::new(c[0], c[1], c[2]) * (d[3] * d[2].max(0.0));
+            // A little weight by solid angle gives dark parts a centroid too.
+            let weight = irradiance.dot(gray) + 1e-9 * d[3];
+            let bin = &mut self.bins[bin_of(direction, BIN_ROWS, BIN_COLUMNS)];
+            bin.moment += direction * weight;
+            bin.weight += weight;
+            bin.irradiance += irradiance;
+        }
+        self.known.clear();
+        for bin in self.bins.iter().filter(|bin| bin.weight > 0.0) {
+            let length = bin.moment.length();
+            // The mean cosine of a disc of radius R is 1 - R^2/4.
+            let radius = (4.0 * (1.0 - length / bin.weight).max(0.0)).sqrt().max(0.01);
+            self.known.push((bin.moment / length.max(f32::MIN_POSITIVE), radius, bin.irradiance));
+        }
+    }
+
+    fn find_hidden(&mut self, clipped: &ClippedLights) {
+        let cells = clipped.cells.len();
+        self.hidden.clear();
+        self.hidden.resize(self.points.len() * cells, 0.0);
+        if cells == 0 {
+            return;
+        }
+        self.hidden.par_chunks_mut(cells).zip(&self.points).with_min_len(64).for_each(|(row, point)| {
+            for (hidden, cell) in row.iter_mut().zip(&clipped.cells) {
+                *hidden = 1.0 - point.visible(cell.direction, cell.radius_rad);
+            }
+        });
+    }
+
+    fn fit_channels(&mut self, clipped: &ClippedLights) -> Option<[Solution; 3]> {
+        Some([self.fit_channel(0, clipped)?, self.fit_channel(1, clipped)?, self.fit_channel(2, clipped)?])
+    }
+
+    /// Fits one channel; drops lights whose shadow does not stand out, the faintest first.
+    fn fit_channel(&mut self, channel: usize, clipped: &ClippedLights) -> Option<Solution> {
+        let cells = clipped.cells.len();
+        let mut whole = [0.0; MOST_LIGHTS];
+        for cell in &clipped.cells {
+            whole[cell.light] += cell.density * cell.weight[channel];
+        }
+        self.lit.clear();
+        self.lit.extend((0..self.points.len()).map(|p| {
+            let mut lit = [0.0; MOST_LIGHTS];
+            for (cell, hidden) in clipped.cells.iter().zip(&self.hidden[p * cells..(p + 1) * cells]) {
+                lit[cell.light] += cell.density * cell.weight[channel] * (1.0 - f64::from(*hidden));
+            }
+            std::array::from_fn(|k| if whole[k] > 0.0 { lit[k] / whole[k] } else { 0.0 })
+        }));
+        let mut active: [bool; MOST_LIGHTS] = std::array::from_fn(|k| whole[k] > 0.0);
+        loop {
+            let (solution, deviation) = self.reweighted(channel, &active)?;
+            let faintest = (0..MOST_LIGHTS)
+                .filter(|k| active[*k])
+                .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            match faintest {
+                Some((k, significance)) if significance < SIGNIFICANCE => active[k] = false,
+                _ => return (solution.reflection > 0.0).then_some(solution),
+            }
+        }
+    }
+
+    /// Least squares with Cauchy weights: the solution, and the standard deviations of the lights' parts.
+    fn reweighted(
+        &mut self,
+        channel: usize,
+        active: &[bool; MOST_LIGHTS],
+    ) -> Option<(Solution, [f64; MOST_LIGHTS])> {
+        let points = self.points.len();
+        self.order.clear();
+        self.order.extend(self.points.iter().map(|p| p.radiance[channel]));
+        let typical = median(&mut self.order);
+        self.weights.clear();
+        self.weights.resize(points, 1.0);
+        self.residuals.resize(points, 0.0);
+        let mut x = [0.0; UNKNOWNS];
+        let mut solution = Solution::default();
+        let mut normal = [[0.0; UNKNOWNS]; UNKNOWNS];
+        for round in 0..ROUNDS {
+            normal = [[0.0; UNKNOWNS]; UNKNOWNS];
+            let mut right = [0.0; UNKNOWNS];
+            for p in 0..points {
+                let row = self.row(p, channel, active);
+                let doubt = Self::doubt(&row, &x, typical, round);
+                let weight = self.weights[p] / (doubt * doubt);
+                for i in 0..UNKNOWNS {
+                    for j in 0..=i {
+                        normal[i][j] += weight * row[i] * row[j];
+                    }
+                    right[i] += weight * row[i] * self.points[p].radiance[channel];
+                }
+            }
+            for i in 0..UNKNOWNS {
+                for j in 0..i {
+                    normal[j][i] = normal[i][j];
+                }
+                // An unknown that is left out stands for itself.
+                if i > 0 && !active[i - 1] {
+                    normal[i][i] = 1.0;
+                }
+            }
+            x = solve_positive(&normal, right)?;
+            self.order.clear();
+            for p in 0..points {
+                let row = self.row(p, channel, active);
+                let doubt = Self::doubt(&row, &x, typical, round + 1);
+                let fitted: f64 = row.iter().zip(&x).map(|(r, x)| r * x).sum();
+                self.residuals[p] = (self.points[p].radiance[channel] - fitted) / doubt;
+                self.order.push(self.residuals[p].abs());
+            }
+            // 1.4826: the median of |r| of a normal distribution is 0.6745 sigma.
+            solution.noise = (1.4826 * median(&mut self.order)).max(1e-6);
+            for (weight, residual) in self.weights.iter_mut().zip(&self.residuals) {
+                *weight = 1.0 / (1.0 + (residual / (2.0 * solution.noise)).powi(2));
+            }
+        }
+        solution.reflection = x[0];
+        let mut deviation = [0.0; MOST_LIGHTS];
+        for k in 0..MOST_LIGHTS {
+            if active[k] {
+                solution.missing[k] = x[k + 1];
+                let mut unit = [0.0; UNKNOWNS];
+                unit[k + 1] = 1.0;
+                deviation[k] = solve_positive(&normal, unit)?[k + 1].max(0.0).sqrt() * solution.noise;
+            }
+        }
+        Some((solution, deviation))
+    }
+
+    fn row(&self, p: usize, channel: usize, active: &[bool; MOST_LIGHTS]) -> [f64; UNKNOWNS] {
+        let mut row = [0.0; UNKNOWNS];
+        row[0] = self.irradiance[p][channel];
+        for k in 0..MOST_LIGHTS {
+            if active[k] {
+                row[k + 1] = self.lit[p][k];
+            }
+        }
+        row
+    }
+
+    /// Standard deviation to reckon with at a point: relative noise, and the full doubt of a half shadow.
+    fn doubt(row: &[f64; UNKNOWNS], x: &[f64; UNKNOWNS], typical: f64, round: usize) -> f64 {
+        let fitted: f64 = row.iter().zip(x).map(|(r, x)| r * x).sum();
+        let level = if round == 0 { typical } else { fitted.max(0.01 * typical) };
+        let mut variance = (RELATIVE_NOISE * level).powi(2);
+        for k in 1..UNKNOWNS {
+            let strength = if round == 0 { typical } else { x[k] };
+            variance += strength * strength * row[k] * (1.0 - row[k]);
+        }
+        variance.max(f64::MIN_POSITIVE).sqrt()
+    }
+
+    /// Richardson-Lucy on the shadows, in gray: moves each light's missing radiance among its cells towards where the
+    /// half shadows want it, until the misfit is no more than noise.
+    fn sharpen(&mut self, solutions: &[Solution; 3], clipped: &mut ClippedLights) {
+        let cells = clipped.cells.len();
+        let gray = GRAY_PAPER.map(f64::from);
+        // What each cell adds to the lit surface, in gray, as it is now.
+        self.share.clear();
+        self.share.resize(cells, 0.0);
+        for c in 0..3 {
+            let mut whole = [0.0; MOST_LIGHTS];
+            for cell in &clipped.cells {
+                whole[cell.light] += cell.density * cell.weight[c];
+            }
+            for (share, cell) in self.share.iter_mut().zip(&clipped.cells) {
+                if whole[cell.light] > 0.0 {
+                    let part = cell.density * cell.weight[c] / whole[cell.light];
+                    *share += gray[c] * part * solutions[c].missing[cell.light];
+                }
+            }
+        }
+        self.share_before.clone_from(&self.share);
+        let total: f64 = self.share.iter().sum();
+        // How much of the lights each point in their shadow lacks, and the noise there.
+        self.in_shadow.clear();
+        self.shade.clear();
+        let mut noise = 0.0;
+        for (p, point) in self.points.iter().enumerate() {
+            let hidden = &self.hidden[p * cells..(p + 1) * cells];
+            if !hidden.iter().zip(&self.share).any(|(hidden, share)| *hidden > 0.0 && *share > 0.0) {
+                continue;
+            }
+            let (mut unshaded, mut seen, mut sigma) = (0.0, 0.0, 0.0);
+            for c in 0..3 {
+                let lights: f64 = solutions[c].missing.iter().sum();
+                unshaded += gray[c] * (solutions[c].reflection * self.irradiance[p][c] + lights);
+                seen += gray[c] * point.radiance[c];
+                sigma += gray[c] * solutions[c].noise;
+            }
+            noise += (RELATIVE_NOISE * sigma * seen).powi(2);
+            self.in_shadow.push(p as u32);
+            self.shade.push((unshaded - seen).max(0.0));
+        }
+        if total <= 0.0 || self.in_shadow.is_empty() {
+            return;
+        }
+        // A little of everything keeps the ratios finite where there is hardly any shadow.
+        let floor = 0.02 * total;
+        self.reach.clear();
+        self.reach.resize(cells, 0.0);
+        for p in &self.in_shadow {
+            let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
+            for (reach, hidden) in self.reach.iter_mut().zip(row) {
+                *reach += f64::from(*hidden);
+            }
+        }
+        for _ in 0..SHARPEN_ROUNDS {
+            self.next_share.clear();
+            self.next_share.resize(cells, 0.0);
+            let mut misfit = 0.0;
+            for (p, shade) in self.in_shadow.iter().zip(&self.shade) {
+                let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
+                let model: f64 = row.iter().zip(&self.share).map(|(h, s)| f64::from(*h) * s).sum();
+                misfit += (model - shade).powi(2);
+                let ratio = (shade + floor) / (model + floor);
+                for (next, hidden) in self.next_share.iter_mut().zip(row) {
+                    *next += f64::from(*hidden) * ratio;
+                }
+            }
+            if misfit <= noise {
+                break;
+            }
+            for ((share, next), reach) in self.share.iter_mut().zip(&self.next_share).zip(&self.reach) {
+                if *reach > 0.0 {
+                    *share *= next / reach;
+                }
+            }
+        }
+        for ((cell, share), before) in clipped.cells.iter_mut().zip(&self.share).zip(&self.share_before) {
+            if *before > 0.0 {
+                cell.density *= share / before;
+            }
+        }
+    }
+}
+
+/// Irradiance of the discs on the surface at a point, the ball in the way.
+fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)]) -> [f64; 3] {
+    let mut sum = Vec3::ZERO;
+    for (direction, radius, irradiance) in known {
+        sum += *irradiance * point.visible(*direction, *radius);
+    }
+    sum.to_array().map(f64::from)
+}
+
+/// Mean radiance of a block; `None` where a pixel of it is saturated or was not finite.
+fn block_mean(picture: &HdrImage, x: usize, y: usize, side: usize) -> Option<[f64; 3]> {
+    let mut sum = [0.0; 3];
+    for y in y..y + side {
+        for x in x..x + side {
+            let (radiance, bits) = sane_radiance(picture, x, y);
+            if bits & (LOWER_BOUND | NOT_FINITE) != 0 {
+                return None;
+            }
+            for (sum, c) in sum.iter_mut().zip(radiance) {
+                *sum += f64::from(c);
+            }
+        }
+    }
+    Some(sum.map(|c| c / (side * side) as f64))
+}
+
+/// Upper median; 0 of nothing. Reorders.
+fn median(numbers: &mut [f64]) -> f64 {
+    let middle = numbers.len() / 2;
+    if numbers.is_empty() {
+        return 0.0;
+    }
+    *numbers.select_nth_unstable_by(middle, f64::total_cmp).1
+}
