@@ -1,12 +1,439 @@
-//! `halflight hdr`
+//! `halflight hdr`: exposures of one view into one linear picture.
 
 use super::{CliError, Common};
+use crate::{
+    assets::pictures,
+    engine::{Bracket, Engine, cpu::CpuEngine},
+    hdr::{
+        attribute::{ExposureCheck, Tolerance, Verdict, check_exposures},
+        merge_bracket::MAX_PICTURES,
+        response::{Origin, SolveOptions, solve},
+    },
+    model::{
+        frame::Exposure,
+        image::{HdrImage, LOWER_BOUND, RadianceImage, Rgb8Image, UPPER_BOUND},
+        response::Response,
+    },
+};
+use std::path::{Path, PathBuf};
 
-/// Arguments of `halflight hdr`.
+/// Merge exposures of one view into one HDR picture of linear radiance [DM97].
+///
+/// Radiance is in units of the response: solved, value 128 after 1 s is 1; srgb and gamma2.2, value 255 after 1 s
+/// is 1. Each picture's stated time is checked against its pixels; one that the pixels contradict is
+/// named in a warning and merged all the same.
+///
+/// Examples:
+///   halflight hdr --times 1/10,1/40,1/160 a.jpg b.jpg c.jpg --out room.exr
+///   halflight hdr --times-file image_list.txt --out room.hdr --save-response camera.json
+///   halflight hdr --times 0.004,0.016 --response camera.json a.png b.png --out room.png
 #[derive(clap::Args, Debug)]
-pub struct Arguments {}
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// Exposure time of each picture in seconds, in order: 0.025 or 1/40, joined by commas (or apart, before the
+    /// pictures). Gain counts as time: state the product where gains differ.
+    #[arg(long, value_name = "S", num_args = 1.., conflicts_with = "times_file")]
+    pub times: Vec<String>,
+    /// Text file with a line for each picture: its name, and its exposure time in seconds (further columns and
+    /// lines that begin with # are passed over). Without IMG, the pictures that it names and that
+    /// exist beside it are merged.
+    #[arg(long, value_name = "FILE")]
+    pub times_file: Option<PathBuf>,
+    /// 1 to 16 pictures of one view and one size, PNG or JPEG.
+    #[arg(value_name = "IMG")]
+    pub images: Vec<PathBuf>,
+    /// Where to write: .exr (32-bit float), .hdr (Radiance) or .png (8 bits through sRGB, nine tenths below 0.8).
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// The camera's response: solve (from the pictures; sRGB where they cannot tell, with a warning), srgb, gamma2.2,
+    /// or a JSON file with log_exposure_rgb: three lists of 256 values g(z) = ln(radiance x seconds).
+    #[arg(long, value_name = "solve|srgb|gamma2.2|FILE", default_value = "solve")]
+    pub response: String,
+    /// Weight of smoothness when solving, above 0.
+    #[arg(long, value_name = "L", default_value_t = SolveOptions::default().lambda)]
+    pub lambda: f64,
+    /// Write the response that was used as JSON, to be given to --response again.
+    #[arg(long, value_name = "FILE")]
+    pub save_response: Option<PathBuf>,
+}
 
 /// Runs `halflight hdr`.
-pub fn run(_arguments: Arguments, _common: &Common) -> Result<(), CliError> {
-    Err(CliError::on("hdr", "this build lacks the verb"))
+pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    let format = arguments.out.as_deref().map(output_format).transpose()?;
+    let (files, times_s) = pair_up(&arguments)?;
+    let loaded = files
+        .iter()
+        .map(|file| pictures::load_rgb8(file).map_err(|e| CliError(e.to_string())))
+        .collect::<Result<Vec<Rgb8Image>, _>>()?;
+    check_sizes(&files, &loaded)?;
+    let loaded: Vec<&Rgb8Image> = loaded.iter().collect();
+    let exposures: Vec<Exposure> = times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
+
+    let chosen = choose_response(&arguments, &loaded, &exposures)?;
+    let check = check_exposures(&loaded, &exposures, &chosen.response, chosen.tolerance);
+    let mut engine = CpuEngine::new(common.threads).map_err(|e| CliError::on("--engine cpu", e))?;
+    let mut merged = HdrImage::default();
+    engine
+        .merge_bracket(&Bracket { pictures: &loaded, exposures: &exposures }, &chosen.response, &mut merged)
+        .map_err(|e| CliError(e.to_string()))?;
+
+    if let (Some(out), Some(format)) = (&arguments.out, format) {
+        match format {
+            Format::Exr => pictures::save_exr_f32(out, &merged.radiance),
+            Format::Hdr => pictures::save_hdr(out, &merged.radiance),
+            Format::Png => pictures::save_png(out, &display(&merged.radiance)),
+        }
+        .map_err(|e| CliError(e.to_string()))?;
+    }
+    if let Some(file) = &arguments.save_response {
+        let json =
+            serde_json::json!({ "log_exposure_rgb": chosen.response.log_exposure().map(|g| g.to_vec()) });
+        std::fs::write(file, format!("{json}\n")).map_err(|e| CliError::on(file.display(), e))?;
+    }
+    report(&arguments, common, &files, &exposures, &chosen, &check, &merged, engine.description());
+    Ok(())
+}
+
+enum Format {
+    Exr,
+    Hdr,
+    Png,
+}
+
+fn output_format(out: &Path) -> Result<Format, CliError> {
+    match out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("exr") => Ok(Format::Exr),
+        Some("hdr" | "pic") => Ok(Format::Hdr),
+        Some("png") => Ok(Format::Png),
+        _ => Err(CliError(format!("--out = {}: must end in .exr, .hdr or .png", out.display()))),
+    }
+}
+
+/// Seconds from `0.025` or `1/40`.
+fn seconds(text: &str) -> Option<f64> {
+    let number = |part: &str| part.trim().parse::<f64>().ok();
+    let time_s = match text.split_once('/') {
+        Some((top, bottom)) => number(top)? / number(bottom)?,
+        None => number(text)?,
+    };
+    (time_s.is_finite() && time_s > 0.0).then_some(time_s)
+}
+
+/// The pictures and their times.
+fn pair_up(arguments: &Arguments) -> Result<(Vec<PathBuf>, Vec<f64>), CliError> {
+    if let Some(list) = &arguments.times_file {
+        return pair_by_list(list, &arguments.images);
+    }
+    // `--times 0.1 0.025 a.png b.png`: the first word that is no time begins the pictures.
+    let is_times =
+        |word: &&String| word.contains(',') || seconds(word).is_some() || word.parse::<f64>().is_ok();
+    let words = arguments.times.iter().take_while(is_times).count();
+    let mut times_s = Vec::new();
+    for text in arguments.times[..words].iter().flat_map(|word| word.split(',')) {
+        times_s.push(seconds(text).ok_or_else(|| {
+            CliError(format!(
+                "--times: {text:?} is no exposure time: must be seconds above 0 such as 0.025 or 1/40"
+            ))
+        })?);
+    }
+    let files: Vec<PathBuf> =
+        arguments.times[words..].iter().map(PathBuf::from).chain(arguments.images.iter().cloned()).collect();
+    if files.is_empty() {
+        return Err(CliError(format!("no pictures: 1 to {MAX_PICTURES} are needed (IMG..)")));
+    }
+    if files.len() != times_s.len() {
+        return Err(CliError(format!(
+            "{} pictures but {} exposure times: --times must give one for each picture",
+            files.len(),
+            times_s.len()
+        )));
+    }
+    limit_count(files, times_s)
+}
+
+fn limit_count(files: Vec<PathBuf>, times_s: Vec<f64>) -> Result<(Vec<PathBuf>, Vec<f64>), CliError> {
+    if files.is_empty() || files.len() > MAX_PICTURES {
+        return Err(CliError(format!("{} pictures: must be 1 to {MAX_PICTURES}", files.len())));
+    }
+    Ok((files, times_s))
+}
+
+/// Pictures named in a text file, with their times: all that exist beside it, or the given ones.
+fn pair_by_list(list: &Path, images: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<f64>), CliError> {
+    let text = std::fs::read_to_string(list).map_err(|e| CliError::on(list.display(), e))?;
+    let mut named = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let mut words = line.split_whitespace();
+        let (Some(name), Some(time_s)) = (words.next(), words.next().and_then(seconds)) else {
+            return Err(CliError(format!(
+                "{} line {}: {line:?}: must be a file name and an exposure time in seconds",
+                list.display(),
+                index + 1
+            )));
+        };
+        named.push((name.to_owned(), time_s));
+    }
+    let folder = list.parent().unwrap_or(Path::new(""));
+    let pairs: Vec<(PathBuf, f64)> = if images.is_empty() {
+        named.iter().map(|(name, t)| (folder.join(name), *t)).filter(|(file, _)| file.is_file()).collect()
+    } else {
+        let time_of = |image: &PathBuf| {
+            let wanted = image.file_name().and_then(|n| n.to_str());
+            let found =
+                named.iter().find(|(name, _)| Path::new(name).file_name().and_then(|n| n.to_str()) == wanted);
+            let why = || CliError(format!("{}: names no time for {}", list.display(), image.display()));
+            found.map(|(_, t)| (image.clone(), *t)).ok_or_else(why)
+        };
+        images.iter().map(time_of).collect::<Result<_, _>>()?
+    };
+    if pairs.is_empty() {
+        return Err(CliError(format!(
+            "{}: none of the {} pictures that it names exists beside it",
+            list.display(),
+            named.len()
+        )));
+    }
+    let (files, times_s) = pairs.into_iter().unzip();
+    limit_count(files, times_s)
+}
+
+fn check_sizes(files: &[PathBuf], loaded: &[Rgb8Image]) -> Result<(), CliError> {
+    let size = |p: &Rgb8Image| (p.width(), p.height());
+    let Some(first) = loaded.first() else { return Ok(()) };
+    for (file, picture) in files.iter().zip(loaded) {
+        if size(picture) != size(first) {
+            return Err(CliError(format!(
+                "{}: {} x {} pixels, but {} has {} x {}: all pictures must show one view in one size",
+                file.display(),
+                picture.width(),
+                picture.height(),
+                files[0].display(),
+                first.width(),
+                first.height()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// A response, where it comes from, and how far it is to be trusted.
+struct Chosen {
+    response: Response,
+    /// `solved`, `srgb`, `gamma2.2` or `file`.
+    kind: &'static str,
+    why: String,
+    warning: Option<String>,
+    tolerance: Tolerance,
+}
+
+fn choose_response(
+    arguments: &Arguments,
+    pictures: &[&Rgb8Image],
+    exposures: &[Exposure],
+) -> Result<Chosen, CliError> {
+    let guess = |response, kind| Chosen {
+        response,
+        kind,
+        why: "as asked".into(),
+        warning: None,
+        tolerance: Tolerance::GUESSED_RESPONSE,
+    };
+    match arguments.response.as_str() {
+        "srgb" => Ok(guess(Response::srgb(), "srgb")),
+        "gamma2.2" => Ok(guess(gamma22()?, "gamma2.2")),
+        "solve" => {
+            if !(arguments.lambda.is_finite() && arguments.lambda > 0.0) {
+                return Err(CliError(format!("--lambda = {}: must be above 0", arguments.lambda)));
+            }
+            let options = SolveOptions { lambda: arguments.lambda, ..SolveOptions::default() };
+            let recovered = solve(pictures, exposures, &options);
+            Ok(match recovered.origin {
+                Origin::Solved { residual_rms } => Chosen {
+                    response: recovered.response,
+                    kind: "solved",
+                    why: format!("solved from the pictures, rms {residual_rms:.3} in ln exposure"),
+                    warning: None,
+                    tolerance: Tolerance::KNOWN_RESPONSE,
+                },
+                Origin::Fallback { why } => Chosen {
+                    response: recovered.response,
+                    kind: "srgb",
+                    why: format!("the pictures cannot tell: {why}"),
+                    warning: Some(format!("response not solved ({why}); sRGB stands in")),
+                    tolerance: Tolerance::GUESSED_RESPONSE,
+                },
+            })
+        }
+        file => {
+            let response = load_response(Path::new(file))?;
+            let why = format!("from {file}");
+            let tolerance = Tolerance::KNOWN_RESPONSE;
+            Ok(Chosen { response, kind: "file", why, warning: None, tolerance })
+        }
+    }
+}
+
+/// g(z) = 2.2 ln(z / 255), 0 taken as 0.5.
+fn gamma22() -> Result<Response, CliError> {
+    let g = std::array::from_fn(|z| (2.2 * ((z as f64).max(0.5) / 255.0).ln()) as f32);
+    Response::new([g; 3]).ok_or_else(|| CliError::on("--response gamma2.2", "not a sound response"))
+}
+
+fn load_response(file: &Path) -> Result<Response, CliError> {
+    #[derive(serde::Deserialize)]
+    struct Table {
+        log_exposure_rgb: [Vec<f32>; 3],
+    }
+    let text = std::fs::read_to_string(file).map_err(|e| {
+        CliError(format!(
+            "--response = {}: must be solve, srgb, gamma2.2 or a JSON file ({e})",
+            file.display()
+        ))
+    })?;
+    let table: Table = serde_json::from_str(&text).map_err(|e| CliError::on(file.display(), e))?;
+    let mut log_exposure = [[0.0; 256]; 3];
+    for (channel, (to, from)) in log_exposure.iter_mut().zip(&table.log_exposure_rgb).enumerate() {
+        if from.len() != 256 {
+            return Err(CliError(format!(
+                "{}: log_exposure_rgb[{channel}] has {} values: must have 256",
+                file.display(),
+                from.len()
+            )));
+        }
+        to.copy_from_slice(from);
+    }
+    Response::new(log_exposure).ok_or_else(|| {
+        CliError::on(
+            file.display(),
+            "log_exposure_rgb: must be finite and never fall from one value to the next",
+        )
+    })
+}
+
+/// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.
+fn display(radiance: &RadianceImage) -> Rgb8Image {
+    let mut luminance = luminances(radiance);
+    luminance.sort_unstable_by(f32::total_cmp);
+    let bright = luminance.get(luminance.len() * 9 / 10).copied().unwrap_or(0.0);
+    let scale = if bright > 0.0 { 0.8 / bright } else { 1.0 };
+    let srgb = Response::srgb();
+    let value = |c: usize, e: f32| srgb.value_of(c, e * scale).round() as u8;
+    let pixels = radiance.pixels().iter().map(|e| std::array::from_fn(|c| value(c, e[c]))).collect();
+    Rgb8Image::from_pixels(radiance.width(), radiance.height(), pixels).unwrap_or_default()
+}
+
+fn luminances(radiance: &RadianceImage) -> Vec<f32> {
+    radiance.pixels().iter().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b).collect()
+}
+
+/// Darkest and brightest luminance, leaving out a thousandth at either end and bounded pixels where others exist.
+fn luminance_range(merged: &HdrImage) -> (f32, f32) {
+    let all = luminances(&merged.radiance);
+    let known: Vec<f32> =
+        all.iter().zip(merged.flags.pixels()).filter(|(_, flags)| **flags == 0).map(|(l, _)| *l).collect();
+    let mut sorted = if known.is_empty() { all } else { known };
+    sorted.sort_unstable_by(f32::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    let cut = sorted.len() / 1000;
+    let at = |i: usize| sorted.get(i.min(last)).copied().unwrap_or(0.0);
+    (at(cut), at(last - cut.min(last)))
+}
+
+const fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Consistent => "consistent",
+        Verdict::Contradicted => "contradicted",
+        Verdict::Unchecked => "unchecked",
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "everything that was found, printed once")]
+fn report(
+    arguments: &Arguments,
+    common: &Common,
+    files: &[PathBuf],
+    exposures: &[Exposure],
+    chosen: &Chosen,
+    check: &ExposureCheck,
+    merged: &HdrImage,
+    engine: String,
+) {
+    let mut warnings: Vec<String> = chosen.warning.iter().cloned().collect();
+    for (file, report) in files.iter().zip(check.reports()) {
+        if let (Verdict::Contradicted, Some(other)) = (report.verdict, report.against) {
+            warnings.push(format!(
+                "{}: stated {:.4} x the exposure of {}, but its pixels say {:.4} x: the time is false, or the camera did not apply it",
+                file.display(),
+                report.stated_ratio,
+                files[other].display(),
+                report.measured_ratio
+            ));
+        }
+    }
+    let count = |bit: u8| merged.flags.pixels().iter().filter(|flags| **flags & bit != 0).count();
+    let (lower, upper) = (count(LOWER_BOUND), count(UPPER_BOUND));
+    let (darkest, brightest) = luminance_range(merged);
+    let stops = if darkest > 0.0 { f64::from(brightest / darkest).log2() } else { 0.0 };
+    let digest = common.digest.then(|| {
+        let mut digest = super::common::PixelDigest::default();
+        digest.add_floats(merged.radiance.pixels());
+        digest.hex()
+    });
+    if common.json {
+        let pictures: Vec<_> = files
+            .iter()
+            .zip(exposures)
+            .zip(check.reports())
+            .map(|((file, exposure), report)| {
+                serde_json::json!({
+                    "file": file, "time_s": exposure.time_s, "verdict": verdict_name(report.verdict),
+                    "against": report.against.map(|other| &files[other]),
+                    "stated_ratio": report.against.map(|_| report.stated_ratio),
+                    "measured_ratio": report.against.map(|_| report.measured_ratio),
+                })
+            })
+            .collect();
+        let report = serde_json::json!({
+            "out": arguments.out, "engine": engine,
+            "width_px": merged.radiance.width(), "height_px": merged.radiance.height(),
+            "pictures": pictures,
+            "response": { "kind": chosen.kind, "why": chosen.why },
+            "dynamic_range_stops": stops, "luminance_low": darkest, "luminance_high": brightest,
+            "lower_bound_px": lower, "upper_bound_px": upper,
+            "warnings": warnings, "digest": digest,
+        });
+        println!("{report}");
+        return;
+    }
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
+    }
+    println!("engine    {engine}");
+    println!("response  {}: {}", chosen.kind, chosen.why);
+    for ((file, exposure), report) in files.iter().zip(exposures).zip(check.reports()) {
+        print!("  {:<32} {:>11.6} s  {}", file.display(), exposure.time_s, verdict_name(report.verdict));
+        match report.against {
+            Some(other) => println!(
+                " (to {}: stated {:.4}, measured {:.4})",
+                files[other].file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+                report.stated_ratio,
+                report.measured_ratio
+            ),
+            None => println!(" (shares too few well-exposed pixels)"),
+        }
+    }
+    println!(
+        "range     {stops:.1} stops: luminance {darkest:.4e} to {brightest:.4e}, a thousandth left out at either end"
+    );
+    println!("bounded   {lower} pixels only from below (saturated), {upper} only from above (black)");
+    if let Some(out) = &arguments.out {
+        println!("wrote     {}", out.display());
+    }
+    if let Some(digest) = digest {
+        println!("digest    {digest}");
+    }
 }

@@ -9,9 +9,11 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame, SurfaceHit},
     tonemap::ToneTable,
 };
+use crate::light::{project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::math::bvh::Bvh;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
+    light::RadianceSamples,
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -32,20 +34,22 @@ const TIMINGS_KEPT: usize = 256;
 pub struct CpuEngine {
     pool: rayon::ThreadPool,
     work: Work,
+    unwrapper: BallUnwrapper,
+    samples: RadianceSamples,
     timings: Vec<PassTiming>,
 }
 
 /// Scene and memory of the engine; everything here is reused from frame to frame.
 #[derive(Default)]
-struct Work {
-    objects: ObjectGeometry,
-    surfaces: SurfaceGeometry,
+pub(super) struct Work {
+    pub(super) objects: ObjectGeometry,
+    pub(super) surfaces: SurfaceGeometry,
     bvh: Option<Bvh>,
     rays: Rays,
     raster: Raster,
-    shadow_map: ShadowMap,
-    object_layer: Image<[f32; 4]>,
-    ratio: RadianceImage,
+    pub(super) shadow_map: ShadowMap,
+    pub(super) object_layer: Image<[f32; 4]>,
+    pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
 }
 
@@ -60,7 +64,13 @@ impl CpuEngine {
             .thread_name(|i| format!("engine-{i}"))
             .build()
             .map_err(|e| EngineError::Input(format!("the engine's threads could not be started: {e}")))?;
-        Ok(Self { pool, work: Work::default(), timings: Vec::with_capacity(TIMINGS_KEPT) })
+        Ok(Self {
+            pool,
+            work: Work::default(),
+            unwrapper: BallUnwrapper::new(),
+            samples: RadianceSamples::default(),
+            timings: Vec::with_capacity(TIMINGS_KEPT),
+        })
     }
 }
 
@@ -70,11 +80,7 @@ impl Engine for CpuEngine {
     }
 
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
-        self.work.objects.load(scene);
-        self.work.surfaces.load(&scene.surfaces);
-        let surfaces = &self.work.surfaces;
-        self.work.bvh =
-            (!surfaces.triangles.is_empty()).then(|| Bvh::build(&surfaces.positions, &surfaces.triangles));
+        self.work.load(scene);
         Ok(())
     }
 
@@ -94,10 +100,23 @@ impl Engine for CpuEngine {
 
     fn estimate_light(
         &mut self,
-        _job: &LightJob<'_>,
-        _quality: &Quality,
+        job: &LightJob<'_>,
+        quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        Err(EngineError::Input("reading the light is not built yet".into()))
+        let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
+        self.pool.install(|| {
+            let flags = match job {
+                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                    timed(timings, Pass::UnwrapBall, || {
+                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
+                    })
+                    .map_err(|e| EngineError::Input(e.to_string()))?
+                }
+                LightJob::Map(_) => return Err(EngineError::Input("maps".into())),
+            };
+            let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
+            Ok(MeasuredLight { total, flags })
+        })
     }
 
     fn relight(
@@ -131,7 +150,7 @@ fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T)
 }
 
 /// Whether the parts of a frame fit together.
-fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
+pub(super) fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
     let refuse = |what: String| Err(EngineError::Input(what));
     let (lens, background) = (input.lens, &input.background.radiance);
     if (lens.width as usize, lens.height as usize) != (background.width(), background.height()) {
@@ -168,6 +187,14 @@ fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> 
 }
 
 impl Work {
+    pub(super) fn load(&mut self, scene: &Scene) {
+        self.objects.load(scene);
+        self.surfaces.load(&scene.surfaces);
+        let surfaces = &self.surfaces;
+        self.bvh =
+            (!surfaces.triangles.is_empty()).then(|| Bvh::build(&surfaces.positions, &surfaces.triangles));
+    }
+
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
     /// counts as absent: no object layer, no ratio, no shadow. Merging and reading the light have their own calls.
     fn relight(
@@ -212,15 +239,19 @@ impl Work {
         }
     }
 
-    fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+    pub(super) fn shadow_camera(&self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
         let objects = &self.objects;
         let casters = objects.triangles.iter().flatten().map(|&i| objects.positions[i as usize]);
-        let camera = ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)?;
-        self.shadow_map.draw(&camera, &objects.positions, &objects.triangles);
+        ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)
+    }
+
+    pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+        let camera = self.shadow_camera(light, quality)?;
+        self.shadow_map.draw(&camera, &self.objects.positions, &self.objects.triangles);
         Some(camera)
     }
 
-    fn shade_object(
+    pub(super) fn shade_object(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -243,7 +274,7 @@ impl Work {
         self.raster.draw(&self.rays, view, objects, hidden, shade, &mut self.object_layer);
     }
 
-    fn shade_surface(
+    pub(super) fn shade_surface(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -271,7 +302,13 @@ impl Work {
         });
     }
 
-    fn composite(&self, input: &RelightInput<'_>, objects: bool, ratios: bool, out: &mut RadianceImage) {
+    pub(super) fn composite(
+        &self,
+        input: &RelightInput<'_>,
+        objects: bool,
+        ratios: bool,
+        out: &mut RadianceImage,
+    ) {
         let background = &input.background.radiance;
         let width = background.width();
         out.reshape(width, background.height(), [0.0; 3]);
@@ -287,7 +324,7 @@ impl Work {
         });
     }
 
-    fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+    pub(super) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
         let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
         table.update(input.response);
         let (width, height) = (out.radiance.width(), out.radiance.height());

@@ -203,6 +203,11 @@ impl ShadowMap {
         &self.depth
     }
 
+    /// Takes depths that were drawn elsewhere.
+    pub fn set_depth(&mut self, depth: Vec<f32>) {
+        self.depth = depth;
+    }
+
     /// Draws triangles (world frame, metres) into the map. A texel is covered where its centre lies inside
     /// or on the edge of the triangle whose corners are snapped to 1/256 texel. Same result for any number of threads.
     pub fn draw(&mut self, camera: &ShadowCamera, positions: &[Vec3], triangles: &[[u32; 3]]) {
