@@ -1,18 +1,19 @@
 //! `--as ball`: which lens, which pose, which ball.
 
-use super::{CliError, Common, input};
+use super::{CliError, input};
 use crate::assets::{
     calibration,
     case::{self, Case, Shape},
     pictures,
 };
+use crate::engine::{Engine, LightJob, MeasuredLight};
 use crate::light::{place_ball, unwrap_ball::unwrap_ball};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
-    estimate::LightFlags,
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
     light::RadianceSamples,
+    quality::Quality,
     rig::MirrorBall,
     scene::Material,
 };
@@ -81,9 +82,9 @@ impl Arguments {
 /// Samples of the light on a ball, world frame.
 pub fn samples(
     arguments: &super::Arguments,
-    common: &Common,
+    engine: &mut dyn Engine,
     notes: &mut Vec<String>,
-) -> Result<(RadianceSamples, LightFlags), CliError> {
+) -> Result<(RadianceSamples, MeasuredLight), CliError> {
     let options = &arguments.ball;
     if arguments.axes != super::Axes::Ours || arguments.turn != 0.0 {
         return Err(CliError("--axes and --turn: are for maps; a ball has --up".into()));
@@ -92,7 +93,7 @@ pub fn samples(
         Some(file) => {
             let case = case::load(file).map_err(|e| CliError(e.to_string()))?;
             let ball = ball_of_case(&case)?;
-            let picture = case_picture(&case, arguments, common, notes)?;
+            let picture = case_picture(&case, arguments, engine, notes)?;
             (picture, case.lens, case.world_from_camera, ball, true)
         }
         None => {
@@ -100,7 +101,7 @@ pub fn samples(
                 &arguments.images,
                 &arguments.times,
                 arguments.response.as_deref(),
-                common,
+                engine,
                 notes,
             )?;
             let lens = lens_of(options, &picture)?;
@@ -119,9 +120,14 @@ pub fn samples(
     let distance_m = pose.translation.distance(ball.centre_world);
     notes.push(format!("ball of {:.4} m, {distance_m:.4} m from the camera", ball.radius_m));
     let mut samples = RadianceSamples::default();
-    let flags = unwrap_ball(&picture, &lens, &pose, &ball, on_surface, &mut samples)
+    // Once more for the samples, which an engine keeps to itself.
+    unwrap_ball(&picture, &lens, &pose, &ball, on_surface, &mut samples)
         .map_err(|e| CliError(e.to_string()))?;
-    Ok((samples, flags))
+    let job =
+        LightJob::Ball { picture: &picture, lens: &lens, world_from_camera: &pose, ball: &ball, on_surface };
+    let quality = Quality { sh_order: usize::from(arguments.order), ..Quality::default() };
+    let light = engine.estimate_light(&job, &quality).map_err(|e| CliError(e.to_string()))?;
+    Ok((samples, light))
 }
 
 fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
@@ -139,7 +145,7 @@ fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
 fn case_picture(
     case: &Case,
     arguments: &super::Arguments,
-    common: &Common,
+    engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<HdrImage, CliError> {
     let fail = |e: crate::assets::error::AssetError| CliError(e.to_string());
@@ -155,13 +161,13 @@ fn case_picture(
         let loaded: Vec<&Rgb8Image> = loaded.iter().collect();
         let exposures: Vec<Exposure> =
             photographs.exposures.iter().map(|(_, time_s)| Exposure { time_s: *time_s, gain: 1.0 }).collect();
-        return input::merge(&loaded, &exposures, &photographs.response, common);
+        return input::merge(&loaded, &exposures, &photographs.response, engine);
     }
     if arguments.images.is_empty() {
         let file = &case.image("hdr").map_err(fail)?.file;
         return Ok(pictures::load_radiance(file).map_err(fail)?.hdr);
     }
-    input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), common, notes)
+    input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), engine, notes)
 }
 
 fn lens_of(options: &Arguments, picture: &HdrImage) -> Result<Lens, CliError> {

@@ -1,9 +1,9 @@
 //! Pictures in: one linear picture, or 8-bit exposures merged.
 
-use super::{CliError, Common};
+use super::CliError;
 use crate::{
     assets::pictures,
-    engine::{Bracket, Engine, cpu::CpuEngine},
+    engine::{Bracket, Engine},
     hdr::{
         merge_bracket::MAX_PICTURES,
         response::{Origin, SolveOptions, solve},
@@ -21,7 +21,7 @@ pub fn merged(
     files: &[PathBuf],
     times: &[String],
     response: Option<&str>,
-    common: &Common,
+    engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<HdrImage, CliError> {
     if files.is_empty() || files.len() > MAX_PICTURES {
@@ -73,7 +73,7 @@ pub fn merged(
         }
         file => load_response(Path::new(file))?,
     };
-    merge(&loaded, &exposures, &response, common)
+    merge(&loaded, &exposures, &response, engine)
 }
 
 /// Merges on the engine asked for.
@@ -81,9 +81,8 @@ pub fn merge(
     pictures: &[&Rgb8Image],
     exposures: &[Exposure],
     response: &Response,
-    common: &Common,
+    engine: &mut dyn Engine,
 ) -> Result<HdrImage, CliError> {
-    let mut engine = CpuEngine::new(common.threads).map_err(|e| CliError::on("--engine cpu", e))?;
     let mut picture = HdrImage::default();
     engine
         .merge_bracket(&Bracket { pictures, exposures }, response, &mut picture)

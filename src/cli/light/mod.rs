@@ -6,6 +6,7 @@ mod report;
 
 use super::{CliError, Common};
 use crate::assets::{dds, pictures};
+use crate::engine::{Engine, MeasuredLight};
 use crate::light::{
     cone::cone_of_samples,
     maps::{self, MapAxes, TexelPoint},
@@ -173,11 +174,16 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         return Err(CliError(format!("--turn = {}: must be finite, in degrees", arguments.turn)));
     }
     let mut notes = Vec::new();
-    let (samples, flags) = match arguments.kind {
-        Kind::Ball => ball::samples(&arguments, common, &mut notes)?,
-        Kind::Angular | Kind::Cube | Kind::Equirect => map_samples(&arguments, common, &mut notes)?,
+    let mut engine = common.open_engine()?;
+    let (samples, MeasuredLight { total, flags }) = match arguments.kind {
+        Kind::Ball => ball::samples(&arguments, engine.as_mut(), &mut notes)?,
+        Kind::Angular | Kind::Cube | Kind::Equirect => {
+            // Maps may have other axes than an engine takes: they are projected here, on the CPU.
+            let (samples, flags) = map_samples(&arguments, engine.as_mut(), &mut notes)?;
+            let total = project_sh(&samples, usize::from(arguments.order));
+            (samples, MeasuredLight { total, flags })
+        }
     };
-    let total = project_sh(&samples, usize::from(arguments.order));
     let gray_weights = match arguments.gray {
         Gray::Rec601 => GRAY_PAPER,
         Gray::Rec709 => GRAY_REC709,
@@ -211,13 +217,13 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
 /// Samples of an environment map, world frame.
 fn map_samples(
     arguments: &Arguments,
-    common: &Common,
+    engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<(RadianceSamples, LightFlags), CliError> {
     if let Some(name) = arguments.ball.first_given() {
         return Err(CliError(format!("{name}: is for --as ball")));
     }
-    let map = load_map(arguments, common, notes)?;
+    let map = load_map(arguments, engine, notes)?;
     let (width, height) = (map.radiance.width(), map.radiance.height());
     let (fits, shape) = match map.layout {
         MapLayout::Equirect => (width == 2 * height, "twice as wide as high"),
@@ -245,7 +251,7 @@ fn map_samples(
 
 fn load_map(
     arguments: &Arguments,
-    common: &Common,
+    engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<EnvironmentMap, CliError> {
     let fail = |e: crate::assets::error::AssetError| CliError(e.to_string());
@@ -279,6 +285,6 @@ fn load_map(
         return Ok(EnvironmentMap { layout, radiance: pictures::load_raw(file).map_err(fail)? });
     }
     let picture =
-        input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), common, notes)?;
+        input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), engine, notes)?;
     Ok(EnvironmentMap { layout, radiance: picture.radiance })
 }
