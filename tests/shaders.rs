@@ -135,9 +135,9 @@ fn kind(module: &naga::Module, variable: &naga::GlobalVariable) -> BindingKind {
         (AddressSpace::Uniform, _) => BindingKind::Uniform,
         (AddressSpace::Storage { access }, _) if access.contains(StorageAccess::STORE) => BindingKind::Write,
         (AddressSpace::Storage { .. }, _) => BindingKind::Read,
-        (_, TypeInner::Image { dim: ImageDimension::D2, arrayed, class }) => match (arrayed, class) {
-            (false, ImageClass::Sampled { kind: ScalarKind::Float, multi: false }) => BindingKind::Floats,
-            (true, ImageClass::Sampled { kind: ScalarKind::Uint, multi: false }) => BindingKind::UintArray,
+        (_, TypeInner::Image { dim: ImageDimension::D2, arrayed: false, class }) => match class {
+            ImageClass::Sampled { kind: ScalarKind::Float, multi: false } => BindingKind::Floats,
+            ImageClass::Sampled { kind: ScalarKind::Uint, multi: false } => BindingKind::Uints,
             other => panic!("{:?}: no binding kind for {other:?}", variable.name),
         },
         other => panic!("{:?}: no binding kind for {other:?}", variable.name),

@@ -6,18 +6,33 @@ use std::sync::{Mutex, PoisonError};
 
 use halflight::{
     engine::{
-        Bracket, Engine,
+        Bracket, Engine, RelightInput,
+        cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
     hdr::merge_bracket::merge_bracket,
-    math::sh::basis,
+    math::{
+        lens::{Distortion, Lens},
+        pose::Pose,
+        sh::basis,
+    },
     model::{
         frame::Exposure,
         image::{HdrImage, Rgb8Image},
-        light::RadianceSamples,
+        light::{DirectionalLight, RadianceSamples, RadianceSh, SplitLight},
+        picture::Picture,
+        quality::Quality,
         response::Response,
+        scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
+        time::Timestamp,
+    },
+    plan::{
+        FramePlan, Pass,
+        effects::{self, Occasion},
     },
 };
+
+use glam::{Affine3A, DVec3, Vec3};
 
 /// A small generator with a fixed seed (64-bit linear congruential, upper bits).
 struct Dice(u64);
@@ -112,6 +127,238 @@ fn projection_matches_and_repeats(engine: &mut GpuEngine) {
     }
 }
 
+fn sphere(name: &str, rows: u32, centre: Vec3, radius: f32, material: Material) -> VirtualObject {
+    let columns = 2 * rows;
+    let mut mesh = Mesh::default();
+    for j in 0..=rows {
+        for i in 0..=columns {
+            let theta = std::f32::consts::PI * j as f32 / rows as f32;
+            let phi = std::f32::consts::TAU * i as f32 / columns as f32;
+            let n = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+            mesh.positions.push(n);
+            mesh.normals.push(n);
+            mesh.tints_rgb.push([0.5 + 0.5 * n.x, 1.0, 0.7 + 0.3 * n.z]);
+        }
+    }
+    for j in 0..rows {
+        for i in 0..columns {
+            let a = j * (columns + 1) + i;
+            let b = a + columns + 1;
+            mesh.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
+        }
+    }
+    let openness = mesh.normals.iter().map(|n| 0.75 + 0.25 * n.z).collect();
+    let world_from_object = Affine3A::from_translation(centre) * Affine3A::from_scale(Vec3::splat(radius));
+    VirtualObject { name: name.into(), mesh, material, world_from_object, openness }
+}
+
+/// The box low..high: two triangles a face, no normals of its own.
+fn box_mesh(low: Vec3, high: Vec3) -> Mesh {
+    let corner = |k: u32, bit: u32| if k >> bit & 1 == 1 { high } else { low };
+    let mut mesh = Mesh::default();
+    for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        let first = mesh.positions.len() as u32;
+        let place = |k: u32| Vec3::new(corner(k, 0).x, corner(k, 1).y, corner(k, 2).z);
+        mesh.positions.extend(face.map(place));
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    mesh
+}
+
+fn ground() -> Mesh {
+    let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+    Mesh {
+        positions: vec![p(-50.0, -50.0), p(50.0, -50.0), p(50.0, 50.0), p(-50.0, 50.0)],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    }
+}
+
+/// Matt, glossy and mirror spheres and a box on the ground; a real box in front hides some of them and receives
+/// shadows, a real board only hides.
+fn scene() -> Scene {
+    let matt = Material::Lambert { albedo_rgb: [0.8, 0.5, 0.3] };
+    let glossy = Material::Phong { albedo_rgb: [0.2, 0.3, 0.6], specular_rgb: [0.3; 3], exponent: 40.0 };
+    let mirror = Material::Mirror { reflectance_rgb: [0.9; 3] };
+    let cube = VirtualObject {
+        name: "cube".into(),
+        mesh: box_mesh(Vec3::new(-0.25, 0.1, 0.0), Vec3::new(-0.1, 0.25, 0.15)),
+        material: matt,
+        world_from_object: Affine3A::IDENTITY,
+        openness: Vec::new(),
+    };
+    let surface =
+        |name: &str, mesh, receives_shadow| RealSurface { name: name.into(), mesh, receives_shadow };
+    Scene {
+        objects: vec![
+            sphere("matt", 24, Vec3::new(0.0, 0.0, 0.1), 0.1, matt),
+            cube,
+            sphere("glossy", 20, Vec3::new(0.15, -0.12, 0.05), 0.05, glossy),
+            sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
+        ],
+        surfaces: vec![
+            surface("ground", ground(), true),
+            surface("box", box_mesh(Vec3::new(0.02, -0.25, 0.0), Vec3::new(0.1, -0.18, 0.07)), true),
+            surface("board", box_mesh(Vec3::new(-0.3, -0.2, 0.0), Vec3::new(-0.2, -0.19, 0.1)), false),
+        ],
+    }
+}
+
+/// All that a frame is drawn from.
+struct Shot {
+    lens: Lens,
+    pose: Pose,
+    light: SplitLight,
+    background: HdrImage,
+    response: Response,
+    plan: FramePlan,
+}
+
+impl Shot {
+    fn new(distortion: Distortion, coverage_samples: u32) -> Self {
+        let (width, height) = (160, 120);
+        let focal = if matches!(distortion, Distortion::Equidistant(_)) { 90.0 } else { 170.0 };
+        let lens = Lens { distortion, ..Lens::pinhole(width, height, focal, focal, 81.0, 59.0) };
+        let mut dice = Dice(3);
+        let mut background = HdrImage::default();
+        background.radiance.reshape(width as usize, height as usize, [0.0; 3]);
+        background.flags.reshape(width as usize, height as usize, 0);
+        background.radiance.pixels_mut().fill_with(|| [(); 3].map(|()| 0.2 + 0.6 * dice.next()));
+        let mut global = RadianceSh::zero(5);
+        for (i, row) in global.rgb[..25].iter_mut().enumerate() {
+            *row = [(); 3].map(|()| (dice.next() - 0.5) * 0.3 + if i == 0 { 1.3 } else { 0.0 });
+        }
+        let direct = DirectionalLight {
+            to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
+            irradiance_rgb: [3.0, 2.8, 2.4],
+            fade: 1.0,
+        };
+        let light = SplitLight { direct: Some(direct), global };
+        let mut plan = FramePlan::default();
+        let quality = Quality { coverage_samples, shadow_map_texels: 512, ..Quality::default() };
+        effects::plan(&Occasion::SHOW, &scene(), &light, &quality, &mut plan);
+        let pose = Pose::look_at(DVec3::new(0.3, -0.6, 0.5), DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
+        Self { lens, pose, light, background, response: Response::srgb(), plan }
+    }
+
+    fn input(&self) -> RelightInput<'_> {
+        RelightInput {
+            background: &self.background,
+            lens: &self.lens,
+            world_from_camera: &self.pose,
+            light: &self.light,
+            response: &self.response,
+            shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
+            t: Timestamp(7),
+        }
+    }
+
+    fn draw(&self, engine: &mut dyn Engine) -> Picture {
+        let mut out = Picture::default();
+        engine.load_scene(&scene()).unwrap();
+        engine.relight(&self.plan, &self.input(), &mut out).unwrap();
+        assert_eq!(out.t, Timestamp(7));
+        out
+    }
+}
+
+/// How much two pictures differ.
+#[derive(Clone, Copy, Debug, Default)]
+struct Difference {
+    /// Share of pixels whose radiance differs by more than 1e-3 of itself.
+    radiance: f64,
+    /// Share of pixels whose 8-bit values differ at all.
+    bytes: f64,
+    /// Share of pixels whose 8-bit values differ by more than one.
+    beyond_one: f64,
+    /// Mean absolute difference of the 8-bit values.
+    mean: f64,
+}
+
+fn difference(device: &Picture, twin: &Picture) -> Difference {
+    let count = twin.radiance.pixels().len() as f64;
+    assert_eq!(device.radiance.pixels().len(), twin.radiance.pixels().len());
+    assert_eq!(device.display.pixels().len(), twin.display.pixels().len());
+    assert!(device.radiance.pixels().as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+    let mut out = Difference::default();
+    for (d, t) in device.radiance.pixels().iter().zip(twin.radiance.pixels()) {
+        let apart = |c: usize| (d[c] - t[c]).abs() > 1e-3 * t[c].abs().max(0.01);
+        out.radiance += f64::from(u8::from((0..3).any(apart))) / count;
+    }
+    for (d, t) in device.display.pixels().iter().zip(twin.display.pixels()) {
+        let apart: [u8; 3] = std::array::from_fn(|c| d[c].abs_diff(t[c]));
+        out.bytes += f64::from(u8::from(apart.iter().any(|&a| a > 0))) / count;
+        out.beyond_one += f64::from(u8::from(apart.iter().any(|&a| a > 1))) / count;
+        out.mean += apart.iter().map(|&a| f64::from(a)).sum::<f64>() / (3.0 * count);
+    }
+    out
+}
+
+/// What is allowed for a pass on the device (`None`: all of them), about twice what was measured on llvmpipe.
+fn allowed(own: Option<Pass>, samples: u32, distorted: bool) -> Difference {
+    // Depths differ in the last place; a tap of the filter may change sides. Measured: no pixel differs.
+    let shadow_maps = Difference { radiance: 1e-3, bytes: 1e-3, beyond_one: 2e-4, mean: 1e-3 };
+    // The layer has 11 bits: every object pixel may round to the other byte. With four samples the twin shades
+    // an edge pixel at the mean of what it sees of a triangle, the device at the pixel's centre; on the balls, of
+    // 2.5 pixels a triangle, that is every pixel, and the mirror and the highlight change quickly there. Bent
+    // edges are drawn as short straight ones.
+    let shade_object = match samples {
+        4 => Difference { radiance: 0.14, bytes: 0.09, beyond_one: 0.035, mean: 0.4 },
+        _ if distorted => Difference { radiance: 0.015, bytes: 0.02, beyond_one: 4e-4, mean: 0.02 },
+        _ => Difference { radiance: 1e-3, bytes: 0.015, beyond_one: 2e-4, mean: 0.01 },
+    };
+    // A tap that changes sides is up to 1/9 of the direct light in a penumbra pixel.
+    let shade_surface = Difference { radiance: 6e-3, bytes: 4e-3, beyond_one: 4e-4, mean: 2e-3 };
+    // The twin's layer is rounded to 11 bits on its way to the device.
+    let composite = Difference { radiance: 0.0, bytes: 0.01, beyond_one: 0.0, mean: 6e-3 };
+    // Counts the same thresholds.
+    let tonemap = Difference::default();
+    match own {
+        Some(Pass::ShadowMaps) => shadow_maps,
+        Some(Pass::ShadeObject) => shade_object,
+        Some(Pass::ShadeSurface) => shade_surface,
+        Some(Pass::Composite) => composite,
+        Some(_) => tonemap,
+        None => Difference {
+            radiance: shade_object.radiance + shade_surface.radiance,
+            bytes: shade_object.bytes + shade_surface.bytes,
+            beyond_one: shade_object.beyond_one + shade_surface.beyond_one,
+            mean: shade_object.mean + shade_surface.mean,
+        },
+    }
+}
+
+fn drawing_matches(mut engine: GpuEngine, cpu: &mut CpuEngine) -> GpuEngine {
+    let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);
+    let fisheye = Distortion::Equidistant([0.02, 0.001, 0.0, 0.0]);
+    let kernels: Vec<_> = FRAME.map(Pass::name).into_iter().map(str::to_owned).collect();
+    let shots = [("pinhole", Distortion::None, 4), ("pinhole", Distortion::None, 1), ("radial", radial, 1)];
+    for (lens, distortion, samples) in shots.into_iter().chain([("fisheye", fisheye, 4)]) {
+        let shot = Shot::new(distortion, samples);
+        let twin = shot.draw(cpu);
+        for own in FRAME.map(Some).into_iter().chain([None]) {
+            // One kernel on the device and all others on their twins; then all on the device.
+            let others: Vec<_> =
+                kernels.iter().filter(|name| own.is_some_and(|own| own.name() != **name)).cloned().collect();
+            engine = engine.with_cpu_kernels(&others).expect("known kernels");
+            let device = shot.draw(&mut engine);
+            let (found, most) = (difference(&device, &twin), allowed(own, samples, lens != "pinhole"));
+            let what = format!("{lens}, {samples} samples, {}: {found:?}", own.map_or("all", Pass::name));
+            println!("{what}");
+            let within = found.radiance <= most.radiance
+                && found.bytes <= most.bytes
+                && found.beyond_one <= most.beyond_one
+                && found.mean <= most.mean;
+            assert!(within, "{what}, allowed {most:?}");
+        }
+    }
+    engine.with_cpu_kernels(&[]).expect("no kernel")
+}
+
+/// The kernels of a frame.
+const FRAME: [Pass; 5] =
+    [Pass::ShadowMaps, Pass::ShadeObject, Pass::ShadeSurface, Pass::Composite, Pass::Tonemap];
+
 /// Two software devices at work at once in one process slow each other down a hundredfold.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
@@ -125,6 +372,8 @@ fn all_kernels(backend: Backend) {
     println!("{}", engine.description());
     merge_matches(&mut engine);
     projection_matches_and_repeats(&mut engine);
+    let mut cpu = CpuEngine::new(None).unwrap();
+    engine = drawing_matches(engine, &mut cpu);
     let mut timings = Vec::new();
     engine.take_timings(&mut timings);
     println!("{timings:?}");

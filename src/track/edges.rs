@@ -6,7 +6,7 @@
 //! sharp step of the same light would be: with dark and bright level D and B, at `r - integral (I - D) / (B - D)`
 //! over -r..r. That is exact for any symmetric blur, the pixel's own box included.
 
-use crate::model::image::Image;
+use crate::model::{image::Image, response::Response};
 use glam::DVec2;
 
 /// Profiles across one edge: from one for every pixel of length, at least and at most this many.
@@ -34,6 +34,12 @@ pub fn srgb_table() -> [f32; 256] {
         *slot = (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32;
     }
     table
+}
+
+/// Linear light of each 8-bit value as a camera's response has it (green; 255 is 1).
+pub fn table_of_response(response: &Response) -> [f32; 256] {
+    let green = &response.log_exposure()[1];
+    green.map(|g| (g - green[255]).exp())
 }
 
 /// Memory of the refinement, reused from tag to tag.
@@ -297,6 +303,16 @@ mod tests {
         }
         // Measured: 0.035 px (at 32 px).
         assert!(worst < 0.05, "{worst}");
+    }
+
+    #[test]
+    fn the_srgb_response_gives_the_srgb_table() {
+        let (from_response, table) = (table_of_response(&Response::srgb()), srgb_table());
+        // The response takes 0 as a quarter.
+        assert!((from_response[0] - table[1] * 0.25).abs() < 1e-6);
+        for z in 1..256 {
+            assert!((from_response[z] - table[z]).abs() < 1e-6, "{z}");
+        }
     }
 
     #[test]

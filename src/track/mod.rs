@@ -6,5 +6,6 @@ pub mod edges;
 pub mod plane;
 pub mod refine;
 pub mod rig_pose;
+pub mod state;
 pub mod tag;
 pub mod tag_pose;

@@ -9,11 +9,14 @@ use crate::math::{lens::Lens, pose::Pose};
 use crate::model::rig::TagPlacement;
 use glam::{DVec2, DVec3};
 
-/// What lens, placement and flatness may be wrong by beyond the corners' own noise, pixels; only for choosing.
-const MODEL_NOISE_PX: f64 = 0.3;
-/// A tag whose corners are further off than five standard deviations in each coordinate speaks of something else
-/// (a second print, a wrong placement).
-const OUTLIER_CHI_SQUARE: f64 = 8.0 * 25.0;
+/// What lens, placement and flatness may be wrong by, across one tag, beyond the corners' own noise, pixels;
+/// only for choosing.
+const MODEL_NOISE_PX: f64 = 0.1;
+/// A tag further off (root mean square over its corners' coordinates) speaks of something else: a second print, a
+/// wrong placement, pixels.
+const OUTLIER_PX: f64 = 3.0;
+/// The same while the pose is still that of a single tag, which may be wrong by much elsewhere, pixels.
+const FIRST_OUTLIER_PX: f64 = 8.0;
 /// Poses that differ by less are one minimum, radians.
 const DISTINCT_RAD: f64 = 0.01;
 
@@ -32,6 +35,9 @@ pub struct RigPose {
     pub other: Option<Pose>,
     /// Error of the other over error of this, 0 to 1e6: below 1 where the prior chose against the corners.
     pub ambiguity: f64,
+    /// By how many squared standard deviations the corners alone prefer this pose over the other; negative where
+    /// the prior chose against them, 0 where there is no other.
+    pub evidence: f64,
 }
 
 /// Finds a rig's pose; keeps its memory from picture to picture.
@@ -70,7 +76,12 @@ impl RigPoseSolver {
         };
         let ratio = other
             .map_or(LARGEST_RATIO, |o| (o.pose.rms_px / chosen.pose.rms_px.max(1e-6)).min(LARGEST_RATIO));
-        Some(RigPose { other: other.map(|o| o.pose.world_from_camera), ambiguity: ratio, ..chosen.pose })
+        Some(RigPose {
+            other: other.map(|o| o.pose.world_from_camera),
+            ambiguity: ratio,
+            evidence: other.map_or(0.0, |o| o.corners - chosen.corners),
+            ..chosen.pose
+        })
     }
 
     /// All corners of known tags, and each tag's two poses as candidates with their costs.
@@ -101,26 +112,44 @@ impl RigPoseSolver {
         }
         let sightings = &self.sightings;
         for (cost, pose) in &mut self.candidates {
-            *cost = total_cost(sightings, lens, pose, prior);
+            *cost = corner_cost(sightings, lens, pose) + prior.cost(pose);
         }
         self.candidates.retain(|c| c.0.is_finite());
     }
 
-    /// Refines a candidate over the tags that agree with it.
+    /// Refines a candidate over the tags that agree with it: all, if all do once refined.
     fn settle(&mut self, world_from_camera: Pose, lens: &Lens, prior: &Prior) -> Option<Settled> {
-        let mut camera_from_world = world_from_camera.inverse();
-        self.agreeing.clear();
-        for tag in self.sightings.chunks_exact(4) {
-            if tag_cost(tag, lens, &camera_from_world) < OUTLIER_CHI_SQUARE {
-                self.agreeing.extend_from_slice(tag);
+        let start = world_from_camera.inverse();
+        let all = refine(&self.sightings, lens, &start);
+        let agrees = |tag: &[Sighting], pose: &Pose, limit| tag_rms(tag, lens, pose) < limit;
+        let refined = match all {
+            Some(all)
+                if (self.sightings.chunks_exact(4))
+                    .all(|tag| agrees(tag, &all.camera_from_object, OUTLIER_PX)) =>
+            {
+                all
             }
-        }
-        let refined = refine(&self.agreeing, lens, &camera_from_world)?;
-        camera_from_world = refined.camera_from_object;
+            _ => {
+                let (mut pose, mut refined) = (start, None);
+                for limit in [FIRST_OUTLIER_PX, OUTLIER_PX, OUTLIER_PX] {
+                    self.agreeing.clear();
+                    for tag in self.sightings.chunks_exact(4).filter(|tag| agrees(tag, &pose, limit)) {
+                        self.agreeing.extend_from_slice(tag);
+                    }
+                    let better = refine(&self.agreeing, lens, &pose)?;
+                    pose = better.camera_from_object;
+                    refined = Some(better);
+                }
+                refined?
+            }
+        };
+        let camera_from_world = refined.camera_from_object;
         let world_from_camera = camera_from_world.inverse();
-        let cost = total_cost(&self.sightings, lens, &world_from_camera, prior);
+        let corners = corner_cost(&self.sightings, lens, &world_from_camera);
+        let cost = corners + prior.cost(&world_from_camera);
         cost.is_finite().then_some(Settled {
             cost,
+            corners,
             pose: RigPose {
                 world_from_camera,
                 rms_px: refined.rms_px,
@@ -128,6 +157,7 @@ impl RigPoseSolver {
                 tags: refined.points / 4,
                 other: None,
                 ambiguity: LARGEST_RATIO,
+                evidence: 0.0,
             },
         })
     }
@@ -135,21 +165,26 @@ impl RigPoseSolver {
 
 #[derive(Clone, Copy)]
 struct Settled {
+    /// Of corners and prior.
     cost: f64,
+    corners: f64,
     pose: RigPose,
+}
+
+/// Root mean square of one tag's residuals, pixels; infinite where it cannot be seen.
+fn tag_rms(tag: &[Sighting], lens: &Lens, camera_from_world: &Pose) -> f64 {
+    chi_square(tag, lens, camera_from_world).map_or(f64::INFINITY, |c| (c / 8.0).sqrt() * tag[0].sigma_px)
 }
 
 /// Squared standard deviations of one tag's corners, the model's own error included; cut for outliers.
 fn tag_cost(tag: &[Sighting], lens: &Lens, camera_from_world: &Pose) -> f64 {
-    let Some(chi_square) = chi_square(tag, lens, camera_from_world) else { return OUTLIER_CHI_SQUARE };
-    let own = tag[0].sigma_px.powi(2);
-    (chi_square * own / (own + MODEL_NOISE_PX * MODEL_NOISE_PX)).min(OUTLIER_CHI_SQUARE)
+    let variance = tag[0].sigma_px.powi(2) + MODEL_NOISE_PX * MODEL_NOISE_PX;
+    8.0 * tag_rms(tag, lens, camera_from_world).min(OUTLIER_PX).powi(2) / variance
 }
 
-fn total_cost(sightings: &[Sighting], lens: &Lens, world_from_camera: &Pose, prior: &Prior) -> f64 {
+fn corner_cost(sightings: &[Sighting], lens: &Lens, world_from_camera: &Pose) -> f64 {
     let camera_from_world = world_from_camera.inverse();
-    let corners: f64 = sightings.chunks_exact(4).map(|tag| tag_cost(tag, lens, &camera_from_world)).sum();
-    corners + prior.cost(world_from_camera)
+    sightings.chunks_exact(4).map(|tag| tag_cost(tag, lens, &camera_from_world)).sum()
 }
 
 #[cfg(test)]

@@ -194,6 +194,12 @@ impl TagDetector {
         &self.options
     }
 
+    /// Takes another inverse response, as when the camera's own has become known (`TagOptions::linear_of_value`).
+    pub fn set_linear_of_value(&mut self, table: &[f32; 256]) -> Result<(), TagError> {
+        let before = std::mem::replace(&mut *self.options.linear_of_value, *table);
+        check(&self.options).inspect_err(|_| *self.options.linear_of_value = before)
+    }
+
     /// Finds tags in a gray picture (8 bits, through the camera's response), in all of it or only in regions.
     /// `out` is cleared first and then holds each tag once, ordered by id and then by place. Corners are in
     /// continuous pixels of the whole picture: the C library's own convention, in which pixel (i, j) covers

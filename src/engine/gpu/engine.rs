@@ -5,6 +5,7 @@ use super::{
     kernels::TABLE,
     passes::{merge_bracket::MergeBracket, project_sh::ProjectSh},
     recorder::Timer,
+    relight::{Relighter, ready},
 };
 use crate::{
     engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput},
@@ -27,18 +28,7 @@ pub struct GpuEngine {
     on_cpu: [bool; Pass::ALL.len()],
     merge: Option<MergeBracket>,
     project: Option<ProjectSh>,
-}
-
-/// The kernel in a slot, compiled on first use.
-fn ready<'a, K>(
-    slot: &'a mut Option<K>,
-    context: &GpuContext,
-    new: impl FnOnce(&GpuContext) -> Result<K, EngineError>,
-) -> Result<&'a mut K, EngineError> {
-    if slot.is_none() {
-        *slot = Some(new(context)?);
-    }
-    slot.as_mut().ok_or_else(|| EngineError::Input("unreachable: the slot was just filled".into()))
+    relighter: Relighter,
 }
 
 impl GpuEngine {
@@ -46,11 +36,19 @@ impl GpuEngine {
     pub fn new(backend: Option<Backend>) -> Result<Self, EngineError> {
         let context = GpuContext::new(backend)?;
         let timer = Timer::new(&context);
-        Ok(Self { context, timer, on_cpu: [false; Pass::ALL.len()], merge: None, project: None })
+        Ok(Self {
+            context,
+            timer,
+            on_cpu: [false; Pass::ALL.len()],
+            merge: None,
+            project: None,
+            relighter: Relighter::new(),
+        })
     }
 
-    /// Runs these kernels on their CPU twins. Errors: an unknown name, with the known ones.
+    /// Runs exactly these kernels on their CPU twins. Errors: an unknown name, with the known ones.
     pub fn with_cpu_kernels(mut self, names: &[String]) -> Result<Self, EngineError> {
+        self.on_cpu = [false; Pass::ALL.len()];
         for name in names {
             let known = TABLE.iter().find(|kernel| kernel.pass.name() == name).ok_or_else(|| {
                 let all: Vec<_> = TABLE.iter().map(|kernel| kernel.pass.name()).collect();
@@ -86,7 +84,7 @@ impl Engine for GpuEngine {
     }
 
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
-        let _ = scene;
+        self.relighter.load(scene);
         Ok(())
     }
 
@@ -118,14 +116,16 @@ impl Engine for GpuEngine {
 
     fn relight(
         &mut self,
-        _plan: &FramePlan,
-        _input: &RelightInput<'_>,
-        _out: &mut Picture,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
     ) -> Result<(), EngineError> {
-        Err(EngineError::Gpu { pass: Pass::ShadeObject.name(), reason: "not built yet".into() })
+        let on_cpu = |pass: Pass| self.on_cpu[pass as usize];
+        self.relighter.run(&self.context, &mut self.timer, on_cpu, plan, input, out)
     }
 
     fn take_timings(&mut self, out: &mut Vec<PassTiming>) {
+        out.clear();
         self.timer.take(out);
     }
 }

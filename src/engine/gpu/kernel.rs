@@ -27,8 +27,8 @@ pub enum BindingKind {
     Write,
     /// A 2D texture of floats, read texel by texel.
     Floats,
-    /// An array of 2D textures of unsigned integers, read texel by texel.
-    UintArray,
+    /// A 2D texture of unsigned integers, read texel by texel.
+    Uints,
 }
 
 /// One place of bind group 0; its number is its position in the kernel's list.
@@ -70,7 +70,7 @@ impl Kernel {
 
     /// Whether it draws (has vertex and fragment stages) rather than computes.
     pub const fn draws(&self) -> bool {
-        matches!(self.pass, Pass::ShadowMaps | Pass::ShadeObject)
+        matches!(self.pass, Pass::ShadowMaps | Pass::ShadeObject | Pass::ShadeSurface)
     }
 
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {
@@ -99,9 +99,9 @@ impl Kernel {
                 view_dimension: wgpu::TextureViewDimension::D2,
                 multisampled: false,
             },
-            BindingKind::UintArray => wgpu::BindingType::Texture {
+            BindingKind::Uints => wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Uint,
-                view_dimension: wgpu::TextureViewDimension::D2Array,
+                view_dimension: wgpu::TextureViewDimension::D2,
                 multisampled: false,
             },
         };
@@ -155,14 +155,48 @@ impl Built {
         self.kernel.pass.name()
     }
 
-    /// The shader.
-    pub fn module(&self) -> &wgpu::ShaderModule {
-        &self.module
-    }
-
-    /// The layout of all its pipelines.
-    pub fn pipeline_layout(&self) -> &wgpu::PipelineLayout {
-        &self.pipeline_layout
+    /// A pipeline that draws with depth.
+    pub fn drawing(
+        &self,
+        context: &GpuContext,
+        drawing: &Drawing<'_>,
+    ) -> Result<wgpu::RenderPipeline, EngineError> {
+        let buffers = [Some(wgpu::VertexBufferLayout {
+            array_stride: drawing.stride,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: drawing.attributes,
+        })];
+        let targets =
+            [Some(wgpu::ColorTargetState { format: drawing.color, blend: None, write_mask: drawing.write })];
+        let pipeline = context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(self.name()),
+            layout: Some(&self.pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &self.module,
+                entry_point: Some(drawing.vertex),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &buffers,
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: wgpu::TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(drawing.nearer),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState { count: drawing.samples, ..Default::default() },
+            fragment: Some(wgpu::FragmentState {
+                module: &self.module,
+                entry_point: Some(drawing.fragment),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        context.check(self.name())?;
+        Ok(pipeline)
     }
 
     /// A compute pipeline of one entry point.
@@ -178,6 +212,27 @@ impl Built {
         context.check(self.name())?;
         Ok(pipeline)
     }
+}
+
+/// How a kernel draws. Triangles are drawn whichever way they face; counter-clockwise is the front.
+#[derive(Clone, Copy)]
+pub struct Drawing<'a> {
+    /// Entry point of the vertex stage.
+    pub vertex: &'a str,
+    /// Entry point of the fragment stage.
+    pub fragment: &'a str,
+    /// Bytes from vertex to vertex.
+    pub stride: u64,
+    /// Where the vertex stage's inputs lie.
+    pub attributes: &'a [wgpu::VertexAttribute],
+    /// The colour target.
+    pub color: wgpu::TextureFormat,
+    /// Which of its channels are written.
+    pub write: wgpu::ColorWrites,
+    /// How the depth of what is nearer compares.
+    pub nearer: wgpu::CompareFunction,
+    /// Samples a pixel.
+    pub samples: u32,
 }
 
 /// A resource to bind; compares equal while it is the same object.

@@ -45,5 +45,94 @@ pub const PROJECT_SH: Kernel = Kernel {
     structs: &[params::ProjectParams::LAYOUT],
 };
 
+/// `visibility/shadow_maps`: depth along the light, as bits in an integer target.
+pub const SHADOW_MAPS: Kernel = Kernel {
+    pass: Pass::ShadowMaps,
+    sources: &[source!("shared/shadow_camera"), source!("visibility/shadow_maps")],
+    entries: &["vertex", "fragment"],
+    bindings: &[Binding::new("camera", BindingKind::Uniform)],
+    structs: &[params::ShadowCamera::LAYOUT],
+};
+
+/// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
+pub const SHADE_OBJECT: Kernel = Kernel {
+    pass: Pass::ShadeObject,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/soft_light"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/facet"),
+        source!("compose/shade_object"),
+    ],
+    entries: &["vertex", "fragment", "surface_vertex", "surface_fragment"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("light", BindingKind::Uniform),
+        Binding::new("camera", BindingKind::Uniform),
+        Binding::new("material", BindingKind::UniformAtOffset),
+        Binding::new("shadow_map", BindingKind::Uints),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::LightTerms::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::MaterialTerms::LAYOUT,
+    ],
+};
+
+/// `compose/shade_surface`: the nearest real surface at each pixel's centre, as a ratio.
+pub const SHADE_SURFACE: Kernel = Kernel {
+    pass: Pass::ShadeSurface,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/soft_light"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/facet"),
+        source!("compose/shade_surface"),
+    ],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("light", BindingKind::Uniform),
+        Binding::new("camera", BindingKind::Uniform),
+        Binding::new("shadow_map", BindingKind::Uints),
+    ],
+    structs: &[params::View::LAYOUT, params::LightTerms::LAYOUT, params::ShadowCamera::LAYOUT],
+};
+
+/// `compose/composite`: one invocation a pixel.
+pub const COMPOSITE: Kernel = Kernel {
+    pass: Pass::Composite,
+    sources: &[source!("compose/composite")],
+    entries: &["composite"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("background", BindingKind::Read),
+        Binding::new("object_layer", BindingKind::Floats),
+        Binding::new("ratios", BindingKind::Uints),
+        Binding::new("radiance", BindingKind::Write),
+    ],
+    structs: &[params::CompositeParams::LAYOUT],
+};
+
+/// `compose/tonemap`: one invocation for four pixels.
+pub const TONEMAP: Kernel = Kernel {
+    pass: Pass::Tonemap,
+    sources: &[source!("compose/tonemap")],
+    entries: &["tonemap"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("thresholds", BindingKind::Read),
+        Binding::new("radiance", BindingKind::Read),
+        Binding::new("display", BindingKind::Write),
+    ],
+    structs: &[params::TonemapParams::LAYOUT],
+};
+
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 2] = [&MERGE_BRACKET, &PROJECT_SH];
+pub const TABLE: [&Kernel; 7] =
+    [&MERGE_BRACKET, &PROJECT_SH, &SHADOW_MAPS, &SHADE_OBJECT, &SHADE_SURFACE, &COMPOSITE, &TONEMAP];

@@ -1,12 +1,17 @@
 //! The engine on wgpu (Vulkan and GL, down to OpenGL ES 3.1). Every kernel has a CPU twin that is the truth.
 
-pub mod buffers;
+mod buffers;
 pub mod context;
+mod exchange;
 pub mod kernel;
 pub mod kernels;
 pub mod params;
-pub mod passes;
-pub mod recorder;
+mod passes;
+mod recorder;
+mod relight;
+mod scene;
+mod textures;
+mod view;
 
 mod engine;
 

@@ -72,3 +72,127 @@ shared_struct! {
         partials: u32,
     }
 }
+
+shared_struct! {
+    /// Camera and lens, `shared/lens`.
+    View {
+        /// Camera's position, world frame, metres.
+        eye: [f32; 4],
+        /// Row of camera_from_world.
+        right: [f32; 4],
+        /// Row of camera_from_world.
+        down: [f32; 4],
+        /// Row of camera_from_world.
+        forward: [f32; 4],
+        /// fx, fy, cx, cy in pixels.
+        focal: [f32; 4],
+        /// Width, height in pixels, near distance in metres, largest squared radius or angle of the model.
+        frame: [f32; 4],
+        /// k1 k2 p1 p2, or k1 k2 k3 k4.
+        distortion: [f32; 4],
+        /// k3 k4 k5 k6.
+        distortion_more: [f32; 4],
+        /// 0 pinhole, 1 radial-tangential, 2 equidistant.
+        model: [u32; 4],
+    }
+}
+
+shared_struct! {
+    /// The light of a frame, `shared/soft_light`. Twin: `compose::shade_object::LightTerms`.
+    LightTerms {
+        /// Unit, towards the directional light, world frame.
+        to_light: [f32; 4],
+        /// E_d.
+        direct_rgb: [f32; 4],
+        /// Order of the tables.
+        order: [u32; 4],
+        /// Multiplies the radiance of objects, so that 16-bit floats hold it.
+        exposure: [f32; 4],
+        /// irradiance / pi of the soft half.
+        soft_rgb: [[f32; 4]; 36],
+        /// L_g.
+        global_rgb: [[f32; 4]; 36],
+        /// L_g + E_d y(w_d).
+        total_rgb: [[f32; 4]; 36],
+    }
+}
+
+shared_struct! {
+    /// The shadow map's camera, `shared/shadow_lookup`. Twin: `visibility::shadow_maps::ShadowCamera`.
+    ShadowCamera {
+        /// World metres to column, texels.
+        column: [f32; 4],
+        /// World metres to row, texels.
+        row: [f32; 4],
+        /// World metres to depth.
+        depth: [f32; 4],
+        /// Side of a texel in metres, metres for a depth of 1.
+        texel_depth_m: [f32; 4],
+        /// Texels a side (0: no map), taps a side of the filter.
+        texels_taps: [u32; 4],
+    }
+}
+
+shared_struct! {
+    /// A material, `compose/shade_object`. Twin: `compose::geometry::MaterialTerms`.
+    MaterialTerms {
+        /// Diffuse albedo.
+        albedo_rgb: [f32; 4],
+        /// Reflectance of lobe or mirror, and the exponent.
+        specular_exponent: [f32; 4],
+        /// Zonal factors of the lobe, bands 0 to 3.
+        lobe_low: [f32; 4],
+        /// Bands 4 and 5.
+        lobe_high: [f32; 4],
+    }
+}
+
+shared_struct! {
+    /// `compose/composite`.
+    CompositeParams {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Multiplies the object layer's colours.
+        layer_scale: f32,
+        /// Bit 0: there is an object layer; bit 1: there are ratios.
+        present: u32,
+    }
+}
+
+shared_struct! {
+    /// `compose/tonemap`.
+    TonemapParams {
+        /// Groups of four pixels.
+        quads: u32,
+        /// Invocations in one row of the dispatch.
+        row: u32,
+        /// Seconds of the shown exposure, at unit gain.
+        exposure_s: f32,
+        /// 32-bit floats of the picture.
+        floats: u32,
+    }
+}
+
+/// A vertex of a virtual object.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct ObjectVertex {
+    /// World frame, metres.
+    pub position: [f32; 3],
+    /// Unit.
+    pub normal: [f32; 3],
+    /// Tint and openness.
+    pub tint_openness: [f32; 4],
+}
+
+/// A vertex of a real surface.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct SurfaceVertex {
+    /// World frame, metres; the fourth is 1 where virtual shadows fall on it.
+    pub position: [f32; 4],
+    /// Unit.
+    pub normal: [f32; 3],
+}

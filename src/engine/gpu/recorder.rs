@@ -97,6 +97,8 @@ pub struct Recorder<'a> {
     pub context: &'a GpuContext,
     timer: &'a mut Timer,
     encoder: wgpu::CommandEncoder,
+    /// Times booked before this batch.
+    booked: usize,
 }
 
 /// What a draw pass draws to.
@@ -110,7 +112,8 @@ pub struct Targets<'a> {
 impl<'a> Recorder<'a> {
     /// Starts a batch.
     pub fn new(context: &'a GpuContext, timer: &'a mut Timer) -> Self {
-        Self { context, encoder: encoder(context), timer }
+        let booked = timer.done.len();
+        Self { context, encoder: encoder(context), timer, booked }
     }
 
     /// Records compute work of a pass.
@@ -169,14 +172,14 @@ impl<'a> Recorder<'a> {
         self.fenced(pass, start)
     }
 
+    /// Runs a pass on the host, now, and books its time.
+    pub fn host<R>(&mut self, pass: Pass, work: impl FnOnce() -> R) -> R {
+        self.timer.host(pass, work)
+    }
+
     /// Records a copy between buffers (untimed).
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer, to_offset: u64, bytes: u64) {
         self.encoder.copy_buffer_to_buffer(from, 0, to, to_offset, bytes);
-    }
-
-    /// Records other copies.
-    pub fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
-        &mut self.encoder
     }
 
     /// Sends what is recorded so far; uploads that follow come after it.
@@ -185,7 +188,7 @@ impl<'a> Recorder<'a> {
         self.context.queue.submit([encoder.finish()]);
     }
 
-    /// Sends everything, waits, and books the times.
+    /// Sends everything, waits, and books the times, in the order of the passes.
     pub fn finish(mut self, pass: Pass) -> Result<(), EngineError> {
         let stamps = 2 * self.timer.spans.len() as u32;
         if let Some(queries) = self.timer.queries.as_mut().filter(|_| stamps > 0) {
@@ -196,7 +199,9 @@ impl<'a> Recorder<'a> {
         }
         self.submit();
         self.context.wait(pass.name())?;
-        self.timer.collect(self.context)
+        self.timer.collect(self.context)?;
+        self.timer.done[self.booked..].sort_by_key(|timing| timing.pass);
+        Ok(())
     }
 
     /// Without timestamps: waits for all earlier work, and gives the time.
@@ -216,6 +221,21 @@ impl<'a> Recorder<'a> {
         self.timer.add(pass, milliseconds_since(start));
         Ok(())
     }
+}
+
+/// A colour target that starts as one value; `resolved` takes the mean of its samples.
+pub fn cleared<'a>(
+    view: &'a wgpu::TextureView,
+    resolved: Option<&'a wgpu::TextureView>,
+    value: wgpu::Color,
+) -> Option<wgpu::RenderPassColorAttachment<'a>> {
+    let store = if resolved.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+    Some(wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: resolved,
+        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(value), store },
+    })
 }
 
 fn encoder(context: &GpuContext) -> wgpu::CommandEncoder {

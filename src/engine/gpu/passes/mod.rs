@@ -1,4 +1,9 @@
 //! One file a kernel: what it uploads, dispatches and reads back.
 
+pub mod composite;
 pub mod merge_bracket;
 pub mod project_sh;
+pub mod shade_object;
+pub mod shade_surface;
+pub mod shadow_maps;
+pub mod tonemap;

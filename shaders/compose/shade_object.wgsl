@@ -1,0 +1,131 @@
+// Light onto virtual objects: E_d f+ from the directional half, the zonal lobe of the same f+ over the soft half
+// (Eq. 16, 19 of [Now11], as corrected). Four samples a pixel; real surfaces hide what lies behind them.
+// Twin: src/compose/shade_object.rs (and src/compose/raster.rs for coverage).
+
+struct MaterialTerms {
+    albedo_rgb: vec4<f32>,
+    // Reflectance of the lobe or mirror, and the exponent (-1: a mirror).
+    specular_exponent: vec4<f32>,
+    // sqrt(4 pi / (2 l + 1)) z_l of the lobe, bands 0 to 3 and 4 to 5.
+    lobe_low: vec4<f32>,
+    lobe_high: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> light: LightTerms;
+@group(0) @binding(2) var<uniform> camera: ShadowCamera;
+@group(0) @binding(3) var<uniform> material: MaterialTerms;
+@group(0) @binding(4) var shadow_map: texture_2d<u32>;
+
+const FRAC_1_PI = 0.318309886;
+const TAU = 6.28318531;
+const MIRROR_EXPONENT = -1.0;
+// Cosine between normals that count as near: 2.6 degrees.
+const NEAR_ENOUGH = 0.999;
+// Far beyond white, and still a 16-bit float.
+const BRIGHTEST = 6e4;
+// Real surfaces are moved back by this share of their distance: what stands on one is not hidden by it.
+const CONTACT_SHARE = 1e-4;
+
+// Two pixels' worth of attributes: at the pixel's centre, which the triangle may not cover, and inside of what it
+// covers (wherever the device likes that to be).
+struct Seen {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) from_eye: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) tint_openness: vec4<f32>,
+    // The fourth is 1. Some software rasterisers interpolate with the w of the centre here; dividing by what has
+    // become of the 1 mends that.
+    @location(3) @interpolate(perspective, centroid) inside_from_eye: vec4<f32>,
+    @location(4) @interpolate(perspective, centroid) inside_normal: vec3<f32>,
+    @location(5) @interpolate(perspective, centroid) inside_tint_openness: vec4<f32>,
+}
+
+@vertex
+fn vertex(
+    @location(0) position: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) tint_openness: vec4<f32>,
+) -> Seen {
+    var seen: Seen;
+    seen.clip = clip_position(view, position, 1.0);
+    seen.from_eye = position - view.eye.xyz;
+    seen.normal = normal;
+    seen.tint_openness = tint_openness;
+    seen.inside_from_eye = vec4<f32>(seen.from_eye, 1.0);
+    seen.inside_normal = normal;
+    seen.inside_tint_openness = tint_openness;
+    return seen;
+}
+
+@fragment
+fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    let facet = facet_normal(seen.from_eye, seen.clip.w);
+    // The centre is shaded, as in the twin, unless it lies so far beside the triangle that what is found there has
+    // nothing to do with it.
+    var from_eye = seen.from_eye;
+    var normal = safe_normal(seen.normal, facet, front);
+    var tint_openness = seen.tint_openness;
+    let inside_normal = safe_normal(seen.inside_normal, facet, front);
+    if dot(normal, inside_normal) < NEAR_ENOUGH {
+        from_eye = seen.inside_from_eye.xyz / seen.inside_from_eye.w;
+        normal = inside_normal;
+        tint_openness = seen.inside_tint_openness / seen.inside_from_eye.w;
+    }
+    let point_world = view.eye.xyz + from_eye;
+    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness);
+    return vec4<f32>(min(max(radiance, vec3<f32>(0.0)) * light.exposure.x, vec3<f32>(BRIGHTEST)), 1.0);
+}
+
+fn safe_normal(interpolated: vec3<f32>, facet: vec3<f32>, front: bool) -> vec3<f32> {
+    if dot(interpolated, interpolated) == 0.0 {
+        return facet;
+    }
+    return normalize(interpolated) * select(-1.0, 1.0, front);
+}
+
+fn shade(
+    n: vec3<f32>,
+    facet: vec3<f32>,
+    to_eye: vec3<f32>,
+    point_world: vec3<f32>,
+    tint_openness: vec4<f32>,
+) -> vec3<f32> {
+    let specular = material.specular_exponent.xyz;
+    let exponent = material.specular_exponent.w;
+    let r = 2.0 * dot(n, to_eye) * n - to_eye;
+    if exponent == MIRROR_EXPONENT {
+        return specular * lobe_sum(TOTAL, material.lobe_low, material.lobe_high.xy, r);
+    }
+    let w = light.to_light.xyz;
+    let cosine = max(dot(n, w), 0.0);
+    var visible = 0.0;
+    if cosine > 0.0 {
+        visible = visibility(camera, point_world, min(cosine, dot(facet, w)));
+    }
+    let openness = tint_openness.w;
+    let albedo = material.albedo_rgb.xyz * tint_openness.xyz;
+    var out = albedo * (light.direct_rgb.xyz * (cosine * FRAC_1_PI * visible) + openness * soft_over_pi(n));
+    if any(specular != vec3<f32>(0.0)) {
+        let glossy = lobe_sum(GLOBAL, material.lobe_low, material.lobe_high.xy, r);
+        // 0^0 is 1: the cosine decides before the power.
+        let along = dot(r, w);
+        var direct = 0.0;
+        if along > 0.0 && cosine > 0.0 {
+            direct = (exponent + 1.0) / TAU * pow(min(along, 1.0), exponent) * visible;
+        }
+        out += specular * (light.direct_rgb.xyz * direct + openness * glossy);
+    }
+    return out;
+}
+
+// Real surfaces: depth only.
+@vertex
+fn surface_vertex(@location(0) position: vec4<f32>) -> @builtin(position) vec4<f32> {
+    return clip_position(view, position.xyz, 1.0 - CONTACT_SHARE);
+}
+
+@fragment
+fn surface_fragment() -> @location(0) vec4<f32> {
+    return vec4<f32>(0.0);
+}

@@ -1,0 +1,224 @@
+//! What the passes of a frame hand on to each other. Each may have been made on the device or, where its kernel
+//! runs on the twin, on the host; whoever reads it gets it where it needs it.
+
+use half::f16;
+
+use super::{
+    buffers::{GrowingBuffer, Readback, whole_words},
+    context::GpuContext,
+    kernel::Resource,
+    recorder::Recorder,
+    textures::KeptTexture,
+};
+use crate::{
+    engine::{EngineError, cpu::Work},
+    model::image::RadianceImage,
+    plan::Pass,
+};
+
+/// The depth's bits as an integer: drawn to, read and copied alike on every backend.
+pub const SHADOW_MAP_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+/// Premultiplied radiance in units of the camera's white, and coverage.
+pub const OBJECT_LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+/// The bits of three floats.
+pub const RATIOS_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+/// Largest number that goes into the object layer.
+const BRIGHTEST: f32 = 6e4;
+
+/// Where the newest result is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Not made in this frame.
+    #[default]
+    Nowhere,
+    /// In the twins' memory (or the caller's picture).
+    Host,
+    /// On the device.
+    Device,
+    /// On both.
+    Both,
+}
+
+impl Place {
+    /// Whether there is a result.
+    pub fn is_somewhere(self) -> bool {
+        self != Self::Nowhere
+    }
+}
+
+/// The results on the device, and where each is.
+pub struct Exchange {
+    /// Depth along the light.
+    pub shadow_map: KeptTexture,
+    /// Objects over nothing.
+    pub object_layer: KeptTexture,
+    /// What is left of the light on real surfaces.
+    pub ratios: KeptTexture,
+    /// The composed picture: three floats a pixel.
+    pub radiance: GrowingBuffer,
+    readback: Readback,
+    /// Where the shadow map is.
+    pub shadow_place: Place,
+    /// Where the object layer is.
+    pub object_place: Place,
+    /// Where the ratios are.
+    pub ratio_place: Place,
+    /// Where the composed picture is.
+    pub radiance_place: Place,
+}
+
+impl Exchange {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self {
+            shadow_map: KeptTexture::result("shadow map", SHADOW_MAP_FORMAT),
+            object_layer: KeptTexture::result("object layer", OBJECT_LAYER_FORMAT),
+            ratios: KeptTexture::result("ratios", RATIOS_FORMAT),
+            radiance: GrowingBuffer::storage("composed radiance"),
+            readback: Readback::new("composed radiance"),
+            shadow_place: Place::Nowhere,
+            object_place: Place::Nowhere,
+            ratio_place: Place::Nowhere,
+            radiance_place: Place::Nowhere,
+        }
+    }
+
+    /// A new frame: nothing is made yet.
+    pub fn begin(&mut self) {
+        self.shadow_place = Place::Nowhere;
+        self.object_place = Place::Nowhere;
+        self.ratio_place = Place::Nowhere;
+        self.radiance_place = Place::Nowhere;
+    }
+
+    /// Brings the shadow map to the twins.
+    pub fn shadow_to_host(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        twins: &mut Work,
+    ) -> Result<(), EngineError> {
+        if self.shadow_place == Place::Device {
+            recorder.submit();
+            let texels = self.shadow_map.download(recorder.context, Pass::ShadowMaps.name())?;
+            twins.shadow_map.set_depth(bytemuck::pod_collect_to_vec(&texels));
+            self.shadow_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the shadow map to the device, and binds it.
+    pub fn shadow_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work) -> Resource {
+        let depth = twins.shadow_map.depth();
+        if self.shadow_place == Place::Host && !depth.is_empty() {
+            let side = depth.len().isqrt() as u32;
+            self.shadow_map.upload(recorder.context, side, side, bytemuck::cast_slice(depth));
+            self.shadow_place = Place::Both;
+        }
+        self.shadow_map.bind(recorder.context)
+    }
+
+    /// Brings the object layer to the twins; the device's is radiance times `exposure`.
+    pub fn objects_to_host(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        twins: &mut Work,
+        size: (usize, usize),
+        exposure: f32,
+    ) -> Result<(), EngineError> {
+        if self.object_place == Place::Device {
+            recorder.submit();
+            let texels = self.object_layer.download(recorder.context, Pass::ShadeObject.name())?;
+            let texels: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(&texels);
+            let scale = [exposure, exposure, exposure, 1.0];
+            twins.object_layer.reshape(size.0, size.1, [0.0; 4]);
+            for (pixel, texel) in twins.object_layer.pixels_mut().iter_mut().zip(texels) {
+                *pixel = std::array::from_fn(|i| f16::from_bits(texel[i]).to_f32() / scale[i]);
+            }
+            self.object_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the object layer to the device, and binds it.
+    pub fn objects_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work, exposure: f32) -> Resource {
+        if self.object_place == Place::Host {
+            let layer = &twins.object_layer;
+            let scale = [exposure, exposure, exposure, 1.0];
+            let half = |pixel: &[f32; 4]| -> [u16; 4] {
+                std::array::from_fn(|i| f16::from_f32((pixel[i] * scale[i]).min(BRIGHTEST)).to_bits())
+            };
+            let texels: Vec<[u16; 4]> = layer.pixels().iter().map(half).collect();
+            let (width, height) = (layer.width() as u32, layer.height() as u32);
+            self.object_layer.upload(recorder.context, width, height, bytemuck::cast_slice(&texels));
+            self.object_place = Place::Both;
+        }
+        self.object_layer.bind(recorder.context)
+    }
+
+    /// Brings the ratios to the twins.
+    pub fn ratios_to_host(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        twins: &mut Work,
+        size: (usize, usize),
+    ) -> Result<(), EngineError> {
+        if self.ratio_place == Place::Device {
+            recorder.submit();
+            let texels = self.ratios.download(recorder.context, Pass::ShadeSurface.name())?;
+            let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
+            twins.ratio.reshape(size.0, size.1, [1.0; 3]);
+            for (pixel, &[r, g, b, _]) in twins.ratio.pixels_mut().iter_mut().zip(&texels) {
+                *pixel = [r, g, b];
+            }
+            self.ratio_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the ratios to the device, and binds them.
+    pub fn ratios_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work) -> Resource {
+        if self.ratio_place == Place::Host {
+            let ratio = &twins.ratio;
+            let texels: Vec<[f32; 4]> = ratio.pixels().iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+            let (width, height) = (ratio.width() as u32, ratio.height() as u32);
+            self.ratios.upload(recorder.context, width, height, bytemuck::cast_slice(&texels));
+            self.ratio_place = Place::Both;
+        }
+        self.ratios.bind(recorder.context)
+    }
+
+    /// Records the copy of the composed picture that `radiance_to_host` reads.
+    pub fn copy_radiance(&mut self, recorder: &mut Recorder<'_>, bytes: usize) {
+        let context = recorder.context;
+        let target = self.readback.at_least(context, bytes).clone();
+        recorder.copy(self.radiance.at_least(context, bytes), &target, 0, whole_words(bytes));
+    }
+
+    /// Reads what was copied last, after it was submitted.
+    pub fn radiance_to_host(
+        &mut self,
+        context: &GpuContext,
+        size: (usize, usize),
+        out: &mut RadianceImage,
+    ) -> Result<(), EngineError> {
+        if self.radiance_place == Place::Device {
+            out.reshape(size.0, size.1, [0.0; 3]);
+            let target: &mut [u8] = bytemuck::cast_slice_mut(out.pixels_mut());
+            self.readback.read(context, Pass::Composite.name(), target.len(), |bytes| {
+                target.copy_from_slice(bytes);
+            })?;
+            self.radiance_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the composed picture to the device, and binds it.
+    pub fn radiance_to_device(&mut self, recorder: &Recorder<'_>, radiance: &RadianceImage) -> Resource {
+        let bytes = bytemuck::cast_slice(radiance.pixels());
+        if self.radiance_place == Place::Host {
+            self.radiance_place = Place::Both;
+            return self.radiance.write(recorder.context, bytes);
+        }
+        self.radiance.bind(recorder.context, 0)
+    }
+}

@@ -1,0 +1,91 @@
+//! `compose/shade_surface` on the device. Twin: `compose::shade_surface`.
+
+use super::shade_object::Frame;
+use crate::{
+    engine::{
+        EngineError,
+        gpu::{
+            buffers::GrowingBuffer,
+            context::GpuContext,
+            exchange::RATIOS_FORMAT,
+            kernel::{BoundGroup, Built, Drawing},
+            kernels,
+            params::SurfaceVertex,
+            recorder::{Recorder, Targets, cleared},
+            scene::SceneBuffers,
+            textures::KeptTexture,
+        },
+    },
+    plan::Pass,
+};
+
+const PASS: Pass = Pass::ShadeSurface;
+
+/// The kernel.
+pub struct ShadeSurface {
+    built: Built,
+    pipeline: wgpu::RenderPipeline,
+    view: GrowingBuffer,
+    light: GrowingBuffer,
+    camera: GrowingBuffer,
+    group: BoundGroup,
+    depth: KeptTexture,
+}
+
+impl ShadeSurface {
+    /// Compiles it.
+    pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
+        let built = Built::new(context, &kernels::SHADE_SURFACE)?;
+        let pipeline = built.drawing(
+            context,
+            &Drawing {
+                vertex: "vertex",
+                fragment: "fragment",
+                stride: size_of::<SurfaceVertex>() as u64,
+                attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
+                color: RATIOS_FORMAT,
+                write: wgpu::ColorWrites::ALL,
+                nearer: wgpu::CompareFunction::Greater,
+                samples: 1,
+            },
+        )?;
+        Ok(Self {
+            built,
+            pipeline,
+            view: GrowingBuffer::uniform("view"),
+            light: GrowingBuffer::uniform("light"),
+            camera: GrowingBuffer::uniform("shadow camera"),
+            group: BoundGroup::default(),
+            depth: KeptTexture::scratch("surface depth", wgpu::TextureFormat::Depth32Float),
+        })
+    }
+
+    /// Draws the scene's real surfaces; the ratios get the lens' size.
+    pub fn run(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        scene: &mut SceneBuffers,
+        frame: &Frame<'_>,
+        ratios: &mut KeptTexture,
+    ) -> Result<(), EngineError> {
+        let context = recorder.context;
+        let resources = [
+            self.view.write(context, bytemuck::bytes_of(frame.view)),
+            self.light.write(context, bytemuck::bytes_of(frame.light)),
+            self.camera.write(context, bytemuck::bytes_of(frame.camera)),
+            frame.shadow_map.clone(),
+        ];
+        let group = self.group.of(context, &self.built, &resources);
+        let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);
+        let depth = self.depth.sized(context, width, height, 1);
+        let ratios = ratios.sized(context, width, height, 1);
+        let one = f64::from(1.0f32.to_bits());
+        let untouched = wgpu::Color { r: one, g: one, b: one, a: 0.0 };
+        let targets = Targets { color: cleared(ratios, None, untouched), depth: Some((depth, 0.0)) };
+        recorder.draw(PASS, targets, |pass| {
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, group, &[]);
+            scene.draw_surfaces(context, pass);
+        })
+    }
+}

@@ -1,0 +1,86 @@
+//! `compose/tonemap` on the device. Twin: `compose::tonemap`.
+
+use crate::{
+    compose::tonemap::ToneTable,
+    engine::{
+        EngineError,
+        gpu::{
+            buffers::GrowingBuffer,
+            context::GpuContext,
+            kernel::{BoundGroup, Built, Resource},
+            kernels,
+            params::TonemapParams,
+            recorder::Recorder,
+        },
+    },
+    model::response::Response,
+    plan::Pass,
+};
+
+const PASS: Pass = Pass::Tonemap;
+/// Invocations of a workgroup; each makes four pixels.
+const LANES: u32 = 64;
+/// Workgroups in one row of a dispatch.
+const ROW_GROUPS: u32 = 1024;
+
+/// The kernel with its buffers.
+pub struct Tonemap {
+    built: Built,
+    pipeline: wgpu::ComputePipeline,
+    params: GrowingBuffer,
+    thresholds: GrowingBuffer,
+    display: GrowingBuffer,
+    group: BoundGroup,
+    table: Option<ToneTable>,
+}
+
+impl Tonemap {
+    /// Compiles it.
+    pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
+        let built = Built::new(context, &kernels::TONEMAP)?;
+        let pipeline = built.compute(context, "tonemap")?;
+        Ok(Self {
+            built,
+            pipeline,
+            params: GrowingBuffer::uniform("tonemap params"),
+            thresholds: GrowingBuffer::storage("thresholds"),
+            display: GrowingBuffer::storage("display"),
+            group: BoundGroup::default(),
+            table: None,
+        })
+    }
+
+    /// Encodes `pixels` pixels of radiance.
+    pub fn run(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        radiance: Resource,
+        pixels: usize,
+        response: &Response,
+        exposure_s: f32,
+    ) -> Result<(), EngineError> {
+        let context = recorder.context;
+        let table = self.table.get_or_insert_with(|| ToneTable::of(response));
+        table.update(response);
+        let quads = pixels.div_ceil(4) as u32;
+        let params = TonemapParams { quads, row: LANES * ROW_GROUPS, exposure_s, floats: 3 * pixels as u32 };
+        let resources = [
+            self.params.write(context, bytemuck::bytes_of(&params)),
+            self.thresholds.write(context, bytemuck::cast_slice(&table.thresholds)),
+            radiance,
+            self.display.bind(context, 12 * quads as usize),
+        ];
+        let group = self.group.of(context, &self.built, &resources);
+        let groups = quads.div_ceil(LANES);
+        recorder.compute(PASS, |pass| {
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1);
+        })
+    }
+
+    /// The 8-bit picture: three bytes a pixel.
+    pub fn display(&mut self, context: &GpuContext) -> wgpu::Buffer {
+        self.display.at_least(context, 0).clone()
+    }
+}

@@ -1,0 +1,211 @@
+//! One frame on the device: exactly the plan's passes, each on the device or on its twin.
+
+use super::{
+    buffers::{Readback, whole_words},
+    context::GpuContext,
+    exchange::{Exchange, Place},
+    passes::{
+        composite::{Composite, Layers},
+        shade_object::{Frame, ShadeObject},
+        shade_surface::ShadeSurface,
+        shadow_maps::ShadowMaps,
+        tonemap::Tonemap,
+    },
+    recorder::{Recorder, Timer},
+    scene::SceneBuffers,
+    view::{self, LensDomain},
+};
+use crate::{
+    compose::{raster, shade_object::LightTerms},
+    engine::{EngineError, RelightInput, cpu},
+    math::lens::Distortion,
+    model::{picture::Picture, scene::Scene},
+    plan::{FramePlan, Pass},
+    visibility::shadow_maps::ShadowCamera,
+};
+
+/// The kernel in a slot, compiled on first use.
+pub fn ready<'a, K>(
+    slot: &'a mut Option<K>,
+    context: &GpuContext,
+    new: impl FnOnce(&GpuContext) -> Result<K, EngineError>,
+) -> Result<&'a mut K, EngineError> {
+    if slot.is_none() {
+        *slot = Some(new(context)?);
+    }
+    slot.as_mut().ok_or_else(|| EngineError::Input("unreachable: the slot was just filled".into()))
+}
+
+/// Scene, kernels and memory of drawing; everything is reused from frame to frame.
+pub struct Relighter {
+    twins: cpu::Work,
+    scene: SceneBuffers,
+    domain: LensDomain,
+    exchange: Exchange,
+    shadow_maps: Option<ShadowMaps>,
+    shade_object: Option<ShadeObject>,
+    shade_surface: Option<ShadeSurface>,
+    composite: Option<Composite>,
+    tonemap: Option<Tonemap>,
+    display: Readback,
+}
+
+impl Relighter {
+    /// An empty scene; nothing is compiled.
+    pub fn new() -> Self {
+        Self {
+            twins: cpu::Work::default(),
+            scene: SceneBuffers::new(),
+            domain: LensDomain::default(),
+            exchange: Exchange::new(),
+            shadow_maps: None,
+            shade_object: None,
+            shade_surface: None,
+            composite: None,
+            tonemap: None,
+            display: Readback::new("display"),
+        }
+    }
+
+    /// Takes the scene; it goes to the device with the next frame.
+    pub fn load(&mut self, scene: &Scene) {
+        self.twins.load(scene);
+        self.scene.invalidate();
+    }
+
+    /// Draws one frame; `on_cpu` says which passes run on their twins.
+    pub fn run(
+        &mut self,
+        context: &GpuContext,
+        timer: &mut Timer,
+        on_cpu: impl Fn(Pass) -> bool,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<(), EngineError> {
+        cpu::check(plan, input)?;
+        let quality = &plan.quality;
+        let light = LightTerms::of(input.light);
+        let camera = raster::View::of(input.world_from_camera);
+        let background = &input.background.radiance;
+        let size = (background.width(), background.height());
+        let exposure_s = input.shown_exposure.effective_s();
+        let exposure = view::exposure_of_white(input.response, exposure_s);
+        let light_params = view::light(&light, exposure);
+        let distorted_eye = (input.lens.distortion != Distortion::None).then_some(camera.eye);
+        self.scene.update(context, &self.twins.objects, &self.twins.surfaces, distorted_eye);
+        let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
+
+        let (twins, exchange) = (&mut self.twins, &mut self.exchange);
+        exchange.begin();
+        out.t = input.t;
+        let mut shadow: Option<ShadowCamera> = None;
+        let mut displayed = Place::Nowhere;
+        let mut recorder = Recorder::new(context, timer);
+        for pass in plan.passes.iter().map(|planned| planned.pass) {
+            let host = on_cpu(pass);
+            let shadow_params = view::shadow(shadow.as_ref(), quality.pcf_taps);
+            match pass {
+                Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
+                Pass::ShadowMaps if host => {
+                    shadow = recorder.host(pass, || twins.shadow_maps(&light, quality));
+                    exchange.shadow_place = Place::Host;
+                }
+                Pass::ShadowMaps => {
+                    shadow = twins.shadow_camera(&light, quality);
+                    if let Some(fitted) = &shadow {
+                        let params = view::shadow(Some(fitted), quality.pcf_taps);
+                        let kernel = ready(&mut self.shadow_maps, context, ShadowMaps::new)?;
+                        kernel.run(&mut recorder, &mut self.scene, &params, &mut exchange.shadow_map)?;
+                        exchange.shadow_place = Place::Device;
+                    }
+                }
+                Pass::ShadeObject if host => {
+                    exchange.shadow_to_host(&mut recorder, twins)?;
+                    recorder.host(pass, || {
+                        twins.shade_object(input, &camera, &light, shadow.as_ref(), quality);
+                    });
+                    exchange.object_place = Place::Host;
+                }
+                Pass::ShadeObject => {
+                    let frame = Frame {
+                        view: &view_params,
+                        light: &light_params,
+                        camera: &shadow_params,
+                        shadow_map: &exchange.shadow_to_device(&recorder, twins),
+                    };
+                    let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
+                    let layer = &mut exchange.object_layer;
+                    kernel.run(&mut recorder, &mut self.scene, &frame, quality.coverage_samples, layer)?;
+                    exchange.object_place = Place::Device;
+                }
+                Pass::ShadeSurface => {
+                    // Without a map nothing is shadowed, and there are no ratios.
+                    let Some(fitted) = &shadow else { continue };
+                    if host {
+                        exchange.shadow_to_host(&mut recorder, twins)?;
+                        recorder.host(pass, || twins.shade_surface(input, &camera, &light, fitted, quality));
+                        exchange.ratio_place = Place::Host;
+                    } else {
+                        let frame = Frame {
+                            view: &view_params,
+                            light: &light_params,
+                            camera: &shadow_params,
+                            shadow_map: &exchange.shadow_to_device(&recorder, twins),
+                        };
+                        let kernel = ready(&mut self.shade_surface, context, ShadeSurface::new)?;
+                        kernel.run(&mut recorder, &mut self.scene, &frame, &mut exchange.ratios)?;
+                        exchange.ratio_place = Place::Device;
+                    }
+                }
+                Pass::Composite if host => {
+                    exchange.objects_to_host(&mut recorder, twins, size, exposure)?;
+                    exchange.ratios_to_host(&mut recorder, twins, size)?;
+                    let present = (exchange.object_place.is_somewhere(), exchange.ratio_place.is_somewhere());
+                    let target = &mut out.radiance;
+                    recorder.host(pass, || twins.composite(input, present.0, present.1, target));
+                    exchange.radiance_place = Place::Host;
+                }
+                Pass::Composite => {
+                    let layers = Layers {
+                        objects: exchange.objects_to_device(&recorder, twins, exposure),
+                        ratios: exchange.ratios_to_device(&recorder, twins),
+                        has_objects: exchange.object_place.is_somewhere(),
+                        has_ratios: exchange.ratio_place.is_somewhere(),
+                        layer_scale: 1.0 / exposure,
+                    };
+                    let kernel = ready(&mut self.composite, context, Composite::new)?;
+                    kernel.run(&mut recorder, background, &layers, &mut exchange.radiance)?;
+                    exchange.copy_radiance(&mut recorder, size.0 * size.1 * 12);
+                    exchange.radiance_place = Place::Device;
+                }
+                // A plan without a composed picture encodes what the caller's picture holds.
+                Pass::Tonemap if host || !exchange.radiance_place.is_somewhere() => {
+                    recorder.submit();
+                    exchange.radiance_to_host(context, size, &mut out.radiance)?;
+                    recorder.host(pass, || twins.tonemap(input, out));
+                    displayed = Place::Host;
+                }
+                Pass::Tonemap => {
+                    let radiance = exchange.radiance_to_device(&recorder, &out.radiance);
+                    let kernel = ready(&mut self.tonemap, context, Tonemap::new)?;
+                    let pixels = size.0 * size.1;
+                    kernel.run(&mut recorder, radiance, pixels, input.response, exposure_s as f32)?;
+                    let target = self.display.at_least(context, 3 * pixels).clone();
+                    recorder.copy(&kernel.display(context), &target, 0, whole_words(3 * pixels));
+                    displayed = Place::Device;
+                }
+            }
+        }
+        recorder.finish(Pass::Composite)?;
+        exchange.radiance_to_host(context, size, &mut out.radiance)?;
+        if displayed == Place::Device {
+            out.display.reshape(size.0, size.1, [0; 3]);
+            let target: &mut [u8] = bytemuck::cast_slice_mut(out.display.pixels_mut());
+            self.display.read(context, Pass::Tonemap.name(), target.len(), |bytes| {
+                target.copy_from_slice(bytes);
+            })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,365 @@
+//! The scene on the device: vertex and index buffers, uploaded when the scene changes.
+//!
+//! The rasteriser draws straight edges. Through a lens with distortion they should bow, so for such lenses
+//! edges that look long from the eye are halved until their bow is far below a pixel; through a pinhole the
+//! triangles stay as they are.
+
+use std::{collections::HashMap, ops::Range};
+
+use glam::Vec3;
+
+use super::{
+    buffers::GrowingBuffer,
+    context::GpuContext,
+    params::{MaterialTerms, ObjectVertex, SurfaceVertex},
+};
+use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
+
+/// Bytes from one material to the next: the largest alignment that a device may ask for.
+pub const MATERIAL_STRIDE: usize = 256;
+/// Longest edge for a lens with distortion, as a share of its distance from the eye. The bow of an edge is
+/// about share^2 / 8 x focal length x curvature of the distortion: below 0.1 px for f = 800 px.
+const LONGEST_SHARE: f32 = 0.03;
+/// Shorter edges are never cut, metres.
+const SHORTEST_CUT_M: f32 = 1e-3;
+/// Triangles at most after cutting.
+const MOST_TRIANGLES: usize = 400_000;
+/// The meshes are cut anew when the eye has moved by this share of its distance to the scene.
+const RECUT_SHARE: f32 = 0.1;
+
+/// Indexed triangles on the device.
+struct Mesh {
+    vertices: GrowingBuffer,
+    indices: GrowingBuffer,
+    count: u32,
+}
+
+impl Mesh {
+    const fn new() -> Self {
+        let usage = wgpu::BufferUsages::VERTEX;
+        Self {
+            vertices: GrowingBuffer::new("vertices", usage),
+            indices: GrowingBuffer::new("indices", wgpu::BufferUsages::INDEX),
+            count: 0,
+        }
+    }
+
+    fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
+        self.vertices.write(context, bytemuck::cast_slice(vertices));
+        self.indices.write(context, bytemuck::cast_slice(triangles));
+        self.count = 3 * triangles.len() as u32;
+    }
+
+    fn bind(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.vertices.at_least(context, 0).slice(..));
+        pass.set_index_buffer(self.indices.at_least(context, 0).slice(..), wgpu::IndexFormat::Uint32);
+    }
+}
+
+/// Objects and surfaces on the device.
+pub struct SceneBuffers {
+    objects: Mesh,
+    surfaces: Mesh,
+    /// For each object its indices and its material.
+    draws: Vec<(Range<u32>, u32)>,
+    materials: GrowingBuffer,
+    /// Whether the scene is there, and the eye for which it was cut.
+    uploaded: Option<Option<Vec3>>,
+    /// Boxes around objects and surfaces: low and high corner.
+    boxes: Vec<(Vec3, Vec3)>,
+}
+
+impl SceneBuffers {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            objects: Mesh::new(),
+            surfaces: Mesh::new(),
+            draws: Vec::new(),
+            materials: GrowingBuffer::uniform("materials"),
+            uploaded: None,
+            boxes: Vec::new(),
+        }
+    }
+
+    /// The next `update` uploads anew.
+    pub fn invalidate(&mut self) {
+        self.uploaded = None;
+    }
+
+    /// Uploads the scene unless it is there already. `distorted_eye`: where the camera is, if its lens has
+    /// distortion.
+    pub fn update(
+        &mut self,
+        context: &GpuContext,
+        objects: &ObjectGeometry,
+        surfaces: &SurfaceGeometry,
+        distorted_eye: Option<Vec3>,
+    ) {
+        let good = match (self.uploaded, distorted_eye) {
+            (Some(None), None) => true,
+            (Some(Some(old)), Some(new)) => old.distance(new) <= RECUT_SHARE * self.near_m(new),
+            _ => false,
+        };
+        if good {
+            return;
+        }
+        self.boxes.clear();
+        self.boxes.extend(box_around(&objects.positions));
+        self.boxes.extend(box_around(&surfaces.positions));
+        self.upload_objects(context, objects, distorted_eye);
+        self.upload_surfaces(context, surfaces, distorted_eye);
+        self.uploaded = Some(distorted_eye);
+    }
+
+    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, eye: Option<Vec3>) {
+        let vertices = objects.positions.iter().zip(&objects.normals).zip(&objects.tint_openness);
+        let mut vertices: Vec<_> = vertices
+            .map(|((position, normal), &tint_openness)| ObjectVertex {
+                position: position.to_array(),
+                normal: normal.to_array(),
+                tint_openness,
+            })
+            .collect();
+        let mut triangles: Vec<_> =
+            objects.triangles.iter().copied().zip(objects.material_of_triangle.iter().copied()).collect();
+        if let Some(eye) = eye {
+            triangles = cut_long_edges(&mut vertices, &triangles, eye);
+        }
+        self.draws.clear();
+        for (number, &(_, material)) in (0u32..).zip(&triangles) {
+            match self.draws.last_mut() {
+                Some((range, last)) if *last == material => range.end = 3 * (number + 1),
+                _ => self.draws.push((3 * number..3 * (number + 1), material)),
+            }
+        }
+        let triangles: Vec<_> = triangles.into_iter().map(|(corners, _)| corners).collect();
+        self.objects.write(context, &vertices, &triangles);
+
+        let mut bytes = vec![0; MATERIAL_STRIDE * objects.materials.len().max(1)];
+        for (slot, m) in bytes.chunks_exact_mut(MATERIAL_STRIDE).zip(&objects.materials) {
+            let [a, b, c, d, e, f] = m.lobe;
+            let terms = MaterialTerms {
+                albedo_rgb: four(m.albedo_rgb, 0.0),
+                specular_exponent: four(m.specular_rgb, m.exponent),
+                lobe_low: [a, b, c, d],
+                lobe_high: [e, f, 0.0, 0.0],
+            };
+            slot[..size_of::<MaterialTerms>()].copy_from_slice(bytemuck::bytes_of(&terms));
+        }
+        self.materials.write(context, &bytes);
+    }
+
+    fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, eye: Option<Vec3>) {
+        let mut receives = vec![0.0f32; surfaces.positions.len()];
+        // Surfaces share no vertices, so each vertex lies in triangles of one kind only.
+        for (corners, &flag) in surfaces.triangles.iter().zip(&surfaces.receives) {
+            for &corner in corners {
+                receives[corner as usize] = if flag { 1.0 } else { 0.0 };
+            }
+        }
+        let vertices = surfaces.positions.iter().zip(&surfaces.normals).zip(receives);
+        let mut vertices: Vec<_> = vertices
+            .map(|((position, normal), receives)| SurfaceVertex {
+                position: four(position.to_array(), receives),
+                normal: normal.to_array(),
+            })
+            .collect();
+        let mut triangles: Vec<_> = surfaces.triangles.iter().map(|&corners| (corners, ())).collect();
+        if let Some(eye) = eye {
+            triangles = cut_long_edges(&mut vertices, &triangles, eye);
+        }
+        let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
+        self.surfaces.write(context, &vertices, &triangles);
+    }
+
+    /// The materials, one every `MATERIAL_STRIDE` bytes.
+    pub fn materials(&mut self, context: &GpuContext) -> wgpu::Buffer {
+        self.materials.at_least(context, 0).clone()
+    }
+
+    /// Draws all objects at once.
+    pub fn draw_objects(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        if self.objects.count > 0 {
+            self.objects.bind(context, pass);
+            pass.draw_indexed(0..self.objects.count, 0, 0..1);
+        }
+    }
+
+    /// Draws the objects of one material after the other; `select` binds a material by its number.
+    pub fn draw_objects_by_material(
+        &mut self,
+        context: &GpuContext,
+        pass: &mut wgpu::RenderPass<'_>,
+        mut select: impl FnMut(&mut wgpu::RenderPass<'_>, u32),
+    ) {
+        if self.objects.count > 0 {
+            self.objects.bind(context, pass);
+            for (range, material) in &self.draws {
+                select(pass, *material);
+                pass.draw_indexed(range.clone(), 0, 0..1);
+            }
+        }
+    }
+
+    /// Draws all real surfaces.
+    pub fn draw_surfaces(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        if self.surfaces.count > 0 {
+            self.surfaces.bind(context, pass);
+            pass.draw_indexed(0..self.surfaces.count, 0, 0..1);
+        }
+    }
+
+    /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
+    /// may begin.
+    pub fn near_m(&self, eye: Vec3) -> f32 {
+        let nearest =
+            self.boxes.iter().map(|&(low, high)| (eye - eye.clamp(low, high)).length()).fold(2.0, f32::min);
+        // Half of it: the depth is measured along the axis, not along the ray.
+        (0.5 * nearest).clamp(1e-3, 1.0)
+    }
+}
+
+fn four([x, y, z]: [f32; 3], w: f32) -> [f32; 4] {
+    [x, y, z, w]
+}
+
+fn box_around(positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
+    let mut finite = positions.iter().copied().filter(|p| p.is_finite());
+    let first = finite.next()?;
+    Some(finite.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+}
+
+/// A vertex that can be halved with another.
+trait Halve: Copy {
+    fn position(&self) -> Vec3;
+    fn between(&self, other: &Self) -> Self;
+}
+
+fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+    std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
+}
+
+impl Halve for ObjectVertex {
+    fn position(&self) -> Vec3 {
+        self.position.into()
+    }
+
+    fn between(&self, other: &Self) -> Self {
+        Self {
+            position: mean(self.position, other.position),
+            normal: mean(self.normal, other.normal),
+            tint_openness: mean(self.tint_openness, other.tint_openness),
+        }
+    }
+}
+
+impl Halve for SurfaceVertex {
+    fn position(&self) -> Vec3 {
+        Vec3::from_slice(&self.position)
+    }
+
+    fn between(&self, other: &Self) -> Self {
+        Self { position: mean(self.position, other.position), normal: mean(self.normal, other.normal) }
+    }
+}
+
+/// Halves every edge that looks longer than a limit from the eye, the longest of a triangle first. Whether an edge
+/// is cut, and where, depends on the edge alone, so that neighbours stay without gaps. Pieces keep the order of
+/// their triangles.
+fn cut_long_edges<V: Halve, T: Copy>(
+    vertices: &mut Vec<V>,
+    triangles: &[([u32; 3], T)],
+    eye: Vec3,
+) -> Vec<([u32; 3], T)> {
+    let mut middles = HashMap::new();
+    let mut out = Vec::with_capacity(triangles.len());
+    let mut open = Vec::new();
+    for &(corners, tag) in triangles {
+        open.push(corners);
+        while let Some(corners) = open.pop() {
+            let ends = |k: usize| (corners[k], corners[(k + 1) % 3]);
+            // How many times too long an edge is.
+            let excess = |k: usize| {
+                let (a, b) = ends(k);
+                let (a, b) = (vertices[a.min(b) as usize].position(), vertices[a.max(b) as usize].position());
+                let limit_m = (LONGEST_SHARE * distance_to_segment(eye, a, b)).max(SHORTEST_CUT_M);
+                a.distance(b) / limit_m
+            };
+            let longest = (0..3).fold(0, |best, k| if excess(k) > excess(best) { k } else { best });
+            if excess(longest) <= 1.0 || out.len() + open.len() >= MOST_TRIANGLES {
+                out.push((corners, tag));
+                continue;
+            }
+            let (a, b) = ends(longest);
+            let apex = corners[(longest + 2) % 3];
+            let middle = *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let between = vertices[a.min(b) as usize].between(&vertices[a.max(b) as usize]);
+                vertices.push(between);
+                vertices.len() as u32 - 1
+            });
+            open.push([middle, b, apex]);
+            open.push([a, middle, apex]);
+        }
+    }
+    out
+}
+
+fn distance_to_segment(p: Vec3, a: Vec3, b: Vec3) -> f32 {
+    let along = b - a;
+    let t = ((p - a).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    p.distance(a + t * along)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn vertex(x: f32, y: f32) -> SurfaceVertex {
+        SurfaceVertex { position: [x, y, 0.0, 1.0], normal: [0.0, 0.0, 1.0] }
+    }
+
+    #[test]
+    fn cutting_keeps_the_area_and_leaves_no_gap() {
+        let mut vertices = vec![vertex(0.0, 0.0), vertex(3.0, 0.0), vertex(3.0, 1.0), vertex(0.0, 1.0)];
+        let eye = Vec3::new(1.0, 0.3, 0.4);
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], eye);
+        assert!(cut.len() > 3000 && cut.len() < 30_000, "{}", cut.len());
+        let mut area = 0.0f64;
+        let mut sides = HashMap::new();
+        for (corners, _) in &cut {
+            let [a, b, c] = corners.map(|i| vertices[i as usize].position());
+            area += 0.5 * f64::from((b - a).cross(c - a).z);
+            for k in 0..3 {
+                let (p, q) = (corners[k], corners[(k + 1) % 3]);
+                *sides.entry((p.min(q), p.max(q))).or_insert(0) += 1;
+                let (p, q) = (vertices[p as usize].position(), vertices[q as usize].position());
+                assert!(p.distance(q) <= 1.001 * LONGEST_SHARE * distance_to_segment(eye, p, q));
+            }
+        }
+        assert!((area - 3.0).abs() < 1e-4, "{area}");
+        // Every inner side belongs to two pieces; a gap would show as a side of one piece off the border.
+        for ((p, q), count) in sides {
+            let (p, q) = (vertices[p as usize].position(), vertices[q as usize].position());
+            let border =
+                (p.x == q.x && (p.x == 0.0 || p.x == 3.0)) || (p.y == q.y && (p.y == 0.0 || p.y == 1.0));
+            assert_eq!(count, if border { 1 } else { 2 }, "{p} {q}");
+        }
+    }
+
+    #[test]
+    fn edges_that_look_short_stay() {
+        let mut vertices = vec![vertex(0.0, 0.0), vertex(0.025, 0.0), vertex(0.0, 0.025)];
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())], Vec3::Z);
+        assert_eq!((cut.len(), vertices.len()), (2, 4), "only the diagonal of 35 mm at 1 m is halved");
+    }
+
+    #[test]
+    fn the_depth_range_begins_before_everything() {
+        let mut scene = SceneBuffers::new();
+        assert_eq!(scene.near_m(Vec3::ZERO), 1.0);
+        scene.boxes = vec![(Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)];
+        assert!((scene.near_m(Vec3::ZERO) - 0.15).abs() < 1e-7);
+        assert_eq!(scene.near_m(Vec3::splat(0.5)), 1e-3);
+    }
+}

@@ -1,0 +1,361 @@
+//! Tags are looked for on a thread of their own, one picture at a time; the pose over time is kept here.
+
+use crate::model::{
+    estimate::PoseEstimate, frame::RawFrame, image::Image, response::Response, rig::Rig, time::Timestamp,
+};
+pub use crate::track::state::{FollowOptions, TrackState, Update};
+use crate::track::{
+    edges::table_of_response,
+    tag::{Region, TagDetection, TagDetector, TagError, TagOptions, gray_of},
+};
+use std::{
+    sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel},
+    thread::JoinHandle,
+};
+
+/// How tags are looked for and followed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrackingOptions {
+    /// The detector.
+    pub tags: TagOptions,
+    /// The pose over time.
+    pub follow: FollowOptions,
+}
+
+/// Why tracking could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackingError {
+    /// The detector refused its options or a picture.
+    #[error(transparent)]
+    Tags(#[from] TagError),
+    /// The thread could not be started.
+    #[error("tracking: the thread could not be started: {0}")]
+    Thread(#[source] std::io::Error),
+    /// The thread has ended, which only a fault in it can do.
+    #[error("tracking: the thread has stopped")]
+    Stopped,
+    /// The picture is not of the lens's size.
+    #[error("tracking: a picture of {width} x {height} pixels: must be {} x {} as the lens is", lens.0, lens.1)]
+    Size {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Columns and rows of the rig's lens.
+        lens: (u32, u32),
+    },
+}
+
+/// What one picture gave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tracked {
+    /// The picture's number.
+    pub sequence: u64,
+    /// Middle of its exposure.
+    pub t: Timestamp,
+    /// Measured, missed, or too old.
+    pub update: Update,
+    /// The best that is known of the pose at `t`: of provenance `Measured` exactly where a tag was seen. `None`
+    /// before the first tag.
+    pub estimate: Option<PoseEstimate>,
+    /// Whether the whole picture was searched, not only where tags were predicted.
+    pub whole: bool,
+}
+
+/// Goes to the thread and comes back, so that its memory is reused.
+#[derive(Default)]
+struct Job {
+    frame: Option<RawFrame>,
+    regions: Vec<Region>,
+    whole: bool,
+    linear_of_value: Option<Box<[f32; 256]>>,
+    found: Vec<TagDetection>,
+    fault: Option<TagError>,
+}
+
+/// Follows the camera: pictures in, poses out. At most one picture is under way; with `submit` followed by
+/// `collect(true)` everything is in lockstep, and equal pictures give equal poses.
+pub struct Tracker {
+    state: TrackState,
+    jobs: Option<SyncSender<Job>>,
+    done: Receiver<Job>,
+    thread: Option<JoinHandle<()>>,
+    /// `None` while the thread has it.
+    idle: Option<Job>,
+    linear_of_value: Option<Box<[f32; 256]>>,
+}
+
+impl Tracker {
+    /// Starts with usual options but for the detector's decimation (a whole number, 1 to 8) and blur, pixels.
+    pub fn start(rig: &Rig, decimate: f32, quad_sigma_px: f32) -> Result<Self, TrackingError> {
+        if decimate.fract() != 0.0 || !(1.0..=8.0).contains(&decimate) {
+            let (given, allowed) = (decimate.to_string(), "a whole number within 1..=8");
+            return Err(TagError::Option { option: "decimate", given, allowed }.into());
+        }
+        let tags = TagOptions { decimate: decimate as u32, quad_sigma_px, ..TagOptions::default() };
+        Self::start_with(rig, TrackingOptions { tags, ..TrackingOptions::default() })
+    }
+
+    /// Starts the thread, which makes and owns the detector.
+    pub fn start_with(rig: &Rig, options: TrackingOptions) -> Result<Self, TrackingError> {
+        let (jobs, inbox) = sync_channel::<Job>(1);
+        let (outbox, done) = sync_channel::<Job>(1);
+        let (made, ready) = sync_channel::<Result<(), TagError>>(1);
+        let tags = options.tags;
+        let work = move || match TagDetector::new(tags) {
+            Ok(detector) => {
+                // Nobody listening means that the tracker is gone, and then the inbox is closed as well.
+                let _ = made.send(Ok(()));
+                serve(detector, &inbox, &outbox);
+            }
+            Err(error) => drop(made.send(Err(error))),
+        };
+        let thread = std::thread::Builder::new()
+            .name("halflight-tags".into())
+            .spawn(work)
+            .map_err(TrackingError::Thread)?;
+        ready.recv().map_err(|_closed| TrackingError::Stopped)??;
+        Ok(Self {
+            state: TrackState::new(rig.clone(), options.follow),
+            jobs: Some(jobs),
+            done,
+            thread: Some(thread),
+            idle: Some(Job::default()),
+            linear_of_value: None,
+        })
+    }
+
+    /// The pose over time: ask it for any moment, e.g. the one when a picture will be shown.
+    pub fn state(&self) -> &TrackState {
+        &self.state
+    }
+
+    /// The rig that is followed.
+    pub fn rig(&self) -> &Rig {
+        self.state.rig()
+    }
+
+    /// Uses the camera's own response from the next picture on: corners are found in linear light.
+    pub fn set_response(&mut self, response: &Response) {
+        self.linear_of_value = Some(Box::new(table_of_response(response)));
+    }
+
+    /// Forgets all measurements, e.g. when a recording starts again. A picture under way still counts.
+    pub fn reset(&mut self) {
+        self.state.reset();
+    }
+
+    /// Whether a picture is under way.
+    pub fn busy(&self) -> bool {
+        self.idle.is_none()
+    }
+
+    /// Hands a picture to the thread. `false` where one is still under way: collect it first, or let this one go
+    /// (the next is newer).
+    pub fn submit(&mut self, frame: &RawFrame) -> Result<bool, TrackingError> {
+        let (width, height) = (frame.pixels.width(), frame.pixels.height());
+        let lens = (self.rig().lens.width, self.rig().lens.height);
+        if (width, height) != (lens.0 as usize, lens.1 as usize) {
+            return Err(TrackingError::Size { width, height, lens });
+        }
+        let Some(mut job) = self.idle.take() else { return Ok(false) };
+        job.regions.clear();
+        if let Some(regions) = self.state.search(frame.t_mid) {
+            job.regions.extend_from_slice(regions);
+        }
+        job.whole = job.regions.is_empty();
+        job.linear_of_value = self.linear_of_value.take();
+        job.frame = Some(frame.clone());
+        let jobs = self.jobs.as_ref().ok_or(TrackingError::Stopped)?;
+        jobs.send(job).map_err(|_closed| TrackingError::Stopped)?;
+        Ok(true)
+    }
+
+    /// Takes the picture that was under way, waiting for it if `block`. `None` where none is, or it is not done.
+    /// A picture that the detector refuses is an error and changes nothing.
+    pub fn collect(&mut self, block: bool) -> Result<Option<Tracked>, TrackingError> {
+        if self.idle.is_some() {
+            return Ok(None);
+        }
+        let mut job = if block {
+            self.done.recv().map_err(|_closed| TrackingError::Stopped)?
+        } else {
+            match self.done.try_recv() {
+                Ok(job) => job,
+                Err(TryRecvError::Empty) => return Ok(None),
+                Err(TryRecvError::Disconnected) => return Err(TrackingError::Stopped),
+            }
+        };
+        let (frame, fault, whole) = (job.frame.take(), job.fault.take(), job.whole);
+        let result = match (fault, frame) {
+            (Some(fault), _) => Err(fault.into()),
+            (None, None) => Err(TrackingError::Stopped),
+            (None, Some(frame)) => {
+                let t = frame.t_mid;
+                let update = self.state.update(t, &job.found);
+                let estimate = self.state.pose_at(t);
+                Ok(Some(Tracked { sequence: frame.sequence, t, update, estimate, whole }))
+            }
+        };
+        self.idle = Some(job);
+        result
+    }
+
+    /// In lockstep: hands the picture over, waits, and gives the best that is known of the pose at its time (see
+    /// `Tracked::estimate`). A picture still under way is collected first.
+    pub fn track(&mut self, frame: &RawFrame) -> Result<Option<PoseEstimate>, TrackingError> {
+        self.collect(true)?;
+        self.submit(frame)?;
+        Ok(self.collect(true)?.and_then(|tracked| tracked.estimate))
+    }
+
+    /// The tags found in the picture collected last, known ones and others; empty while one is under way.
+    pub fn detections(&self) -> &[TagDetection] {
+        self.idle.as_ref().map_or(&[], |job| &job.found)
+    }
+}
+
+impl Drop for Tracker {
+    fn drop(&mut self) {
+        // Closing the channel ends the thread after the picture that it has.
+        self.jobs = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic there has been printed; there is nobody left to tell.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread: one picture after the other until the channel closes.
+fn serve(mut detector: TagDetector, inbox: &Receiver<Job>, outbox: &SyncSender<Job>) {
+    let mut gray = Image::default();
+    while let Ok(mut job) = inbox.recv() {
+        job.found.clear();
+        job.fault = search(&mut detector, &mut gray, &mut job).err();
+        if outbox.send(job).is_err() {
+            return;
+        }
+    }
+}
+
+fn search(detector: &mut TagDetector, gray: &mut Image<u8>, job: &mut Job) -> Result<(), TagError> {
+    if let Some(table) = job.linear_of_value.take() {
+        detector.set_linear_of_value(&table)?;
+    }
+    let Some(frame) = &job.frame else { return Ok(()) };
+    gray_of(&frame.pixels, gray);
+    let regions = if job.whole { None } else { Some(job.regions.as_slice()) };
+    detector.detect(gray, regions, &mut job.found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{lens::Lens, pose::Pose};
+    use crate::model::{estimate::Provenance, frame::Exposure, image::Rgb8Image, rig::TagPlacement};
+    use crate::track::{drawing::draw, tag_pose::corners_of_tag_m};
+    use glam::{DMat3, DVec3};
+    use std::sync::Arc;
+
+    fn rig() -> Rig {
+        let face_up = DMat3::from_cols(DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z);
+        let world_from_tag = Pose::from_matrix(face_up, DVec3::ZERO);
+        let tags = vec![TagPlacement { id: 0, side_m: 0.1, world_from_tag }];
+        Rig { lens: Lens::pinhole(320, 240, 320.0, 320.0, 160.0, 120.0), tags, ball: None }
+    }
+
+    fn camera(seconds: f64) -> Pose {
+        Pose::look_at(DVec3::new(0.1 * seconds, -0.35, 0.3), DVec3::ZERO, DVec3::Z)
+    }
+
+    /// A frame of the tag as seen at that time; dark ones show nothing.
+    fn frame(sequence: u64, seconds: f64, dark: bool) -> RawFrame {
+        let rig = rig();
+        let camera_from_world = camera(seconds).inverse();
+        let corners = corners_of_tag_m(0.1).map(|c| {
+            let p = camera_from_world.transform(rig.tags[0].world_from_tag.transform(c));
+            rig.lens.project(p).expect("in view")
+        });
+        // `srgb_encode` of the linear light, as the default response takes it.
+        let encode = |l: f64| if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
+        let gray = draw(320, 240, 0, &corners, |l| if dark { 0.004 } else { encode(l) });
+        let pixels = gray.pixels().iter().map(|&g| [g, g, g]).collect();
+        RawFrame {
+            sequence,
+            t_mid: Timestamp::from_seconds(seconds),
+            exposure: Exposure { time_s: 0.01, gain: 1.0 },
+            pixels: Arc::new(Rgb8Image::from_pixels(320, 240, pixels).expect("all pixels")),
+        }
+    }
+
+    fn start() -> Tracker {
+        Tracker::start(&rig(), 2.0, 0.8).unwrap()
+    }
+
+    fn lockstep(tracker: &mut Tracker, frame: &RawFrame) -> Tracked {
+        assert!(tracker.submit(frame).unwrap());
+        tracker.collect(true).unwrap().expect("one picture under way")
+    }
+
+    #[test]
+    fn follows_through_dark_pictures() {
+        let mut tracker = start();
+        assert!(tracker.state().pose_at(Timestamp(0)).is_none());
+        let (mut worst_measured, mut worst_predicted) = (0.0f64, 0.0f64);
+        for k in 0..12u64 {
+            let seconds = k as f64 / 30.0;
+            let dark = k % 3 == 2;
+            let tracked = lockstep(&mut tracker, &frame(k, seconds, dark));
+            assert_eq!(tracked.sequence, k);
+            let estimate = tracked.estimate.expect("the first picture shows the tag");
+            let off = estimate.world_from_camera.translation.distance(camera(seconds).translation);
+            if dark {
+                assert_eq!(tracked.update, Update::Missed);
+                assert!(matches!(estimate.provenance, Provenance::Predicted { .. }));
+                worst_predicted = worst_predicted.max(off);
+            } else {
+                assert!(matches!(tracked.update, Update::Measured { tags: 1, .. }), "{k}: {tracked:?}");
+                assert_eq!(estimate.provenance, Provenance::Measured);
+                worst_measured = worst_measured.max(off);
+            }
+            assert_eq!(tracked.whole, k == 0, "after the first hit only regions are searched");
+            assert_eq!(tracker.detections().len(), usize::from(!dark));
+        }
+        // At 0.46 m; the camera moves 3.3 mm between pictures.
+        assert!(worst_measured < 5e-4, "{worst_measured}");
+        assert!(worst_predicted < 1.5e-3, "{worst_predicted}");
+    }
+
+    #[test]
+    fn equal_pictures_give_equal_poses() {
+        let run = || {
+            let mut tracker = start();
+            (0..4).map(|k| tracker.track(&frame(k, k as f64 / 30.0, k == 2)).unwrap()).collect::<Vec<_>>()
+        };
+        assert_eq!(run(), run());
+    }
+
+    #[test]
+    fn one_picture_at_a_time_and_clear_refusals() {
+        let mut tracker = start();
+        assert_eq!(tracker.collect(true).unwrap(), None);
+        let one = frame(0, 0.0, false);
+        assert!(tracker.submit(&one).unwrap());
+        assert!(tracker.busy());
+        assert!(!tracker.submit(&one).unwrap());
+        assert!(tracker.collect(true).unwrap().is_some());
+        assert!(!tracker.busy());
+        // The same time again is left out.
+        assert_eq!(lockstep(&mut tracker, &one).update, Update::Stale);
+        let small = RawFrame { pixels: Arc::new(Rgb8Image::filled(160, 120, [0; 3])), ..one };
+        let error = tracker.submit(&small).unwrap_err().to_string();
+        assert_eq!(error, "tracking: a picture of 160 x 120 pixels: must be 320 x 240 as the lens is");
+        assert!(!tracker.busy());
+        for decimate in [0.0, 1.5, 99.0, f32::NAN] {
+            let error = Tracker::start(&rig(), decimate, 0.8).err().expect("refused").to_string();
+            assert!(error.contains(&format!("decimate = {decimate}: must be a whole number")), "{error}");
+        }
+        let error = Tracker::start(&rig(), 2.0, -1.0).err().expect("refused").to_string();
+        assert!(error.contains("quad_sigma_px = -1"), "{error}");
+    }
+}
