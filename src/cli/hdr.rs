@@ -3,7 +3,7 @@
 use super::{CliError, Common};
 use crate::{
     assets::pictures,
-    engine::{Bracket, Engine, cpu::CpuEngine},
+    engine::Bracket,
     hdr::{
         attribute::{ExposureCheck, Tolerance, Verdict, check_exposures},
         black_level::{black_level, clip_black},
@@ -82,7 +82,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let loaded = refs(&loaded);
     let chosen = choose_response(&arguments, &loaded, &exposures)?;
     let check = check_exposures(&loaded, &exposures, &chosen.response, chosen.tolerance);
-    let mut engine = CpuEngine::new(common.threads).map_err(|e| CliError::on("--engine cpu", e))?;
+    let mut engine = common.open_engine()?;
     let mut merged = HdrImage::default();
     engine
         .merge_bracket(&Bracket { pictures: &loaded, exposures: &exposures }, &chosen.response, &mut merged)

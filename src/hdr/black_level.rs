@@ -98,8 +98,9 @@ mod tests {
     fn fog_is_found_in_the_channels_that_have_it() {
         let (pictures, exposures) = pictures(&[0.01, 0.1, 1.0], 17.0);
         let pictures: Vec<_> = pictures.iter().collect();
-        // Grain reaches two above the fog; and a quarter of that.
-        assert_eq!(black_level(&pictures, &exposures), [23, 0, 125]);
+        // The grain is the same in all three, so its brightest pixels are not among the darkest of the longest: 18
+        // and a quarter of it.
+        assert_eq!(black_level(&pictures, &exposures), [22, 0, 125]);
         let clipped = clip_black(pictures[0], [19, 0, 100]);
         assert_eq!(*clipped.at(0, 0), [0, 0, 0]);
         assert_eq!(*clipped.at(99, 99), [pictures[0].at(99, 99)[0], pictures[0].at(99, 99)[1], 0]);
