@@ -78,7 +78,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         pcf_taps: arguments.pcf_taps,
         ..Quality::default()
     };
-    let mut engine = open_engine(common)?;
+    let mut engine = common.open_engine()?;
     let is_scene = arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let (still, case) = if is_scene {
         return Err(CliError::on(arguments.input.display(), "scene files are not read yet"));
@@ -134,15 +134,6 @@ fn output_format(out: &Path) -> Result<Format, CliError> {
         Some("exr") => Ok(Format::Exr),
         Some("png") => Ok(Format::Png),
         _ => Err(CliError(format!("--out = {}: must end in .exr or .png", out.display()))),
-    }
-}
-
-fn open_engine(common: &Common) -> Result<Box<dyn Engine>, CliError> {
-    match common.engine {
-        super::common::EngineChoice::Cpu => crate::engine::cpu::CpuEngine::new(common.threads)
-            .map(|e| Box::new(e) as Box<dyn Engine>)
-            .map_err(|e| CliError(e.to_string())),
-        super::common::EngineChoice::Gpu => Err(CliError::on("--engine gpu", "not wired yet")),
     }
 }
 
