@@ -251,14 +251,21 @@ impl SurfaceFit {
         }));
         let mut active: [bool; MOST_LIGHTS] = std::array::from_fn(|k| whole[k] > 0.0);
         loop {
-            let (solution, deviation) = self.reweighted(channel, &active)?;
+            let fitted = self.reweighted(channel, &active);
+            let sound = fitted.filter(|(solution, _)| solution.reflection > 0.0);
+            let Some((solution, deviation)) = sound else {
+                // Lights whose shadow is nowhere in the picture cannot be told from the rest: leave one out.
+                let last = active.iter().rposition(|a| *a)?;
+                active[last] = false;
+                continue;
+            };
             let faintest = (0..MOST_LIGHTS)
                 .filter(|k| active[*k])
                 .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match faintest {
                 Some((k, significance)) if significance < SIGNIFICANCE => active[k] = false,
-                _ => return (solution.reflection > 0.0).then_some(solution),
+                _ => return Some(solution),
             }
         }
     }
