@@ -9,7 +9,7 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame},
     tonemap::ToneTable,
 };
-use crate::light::{project_sh::project_sh, unwrap_ball::BallUnwrapper};
+use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::math::sh::MAX_ORDER;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
@@ -116,8 +116,16 @@ impl Engine for CpuEngine {
                     })
                     .map_err(|e| EngineError::Input(e.to_string()))?
                 }
-                LightJob::Map(_) => {
-                    return Err(EngineError::Input("environment pictures are not read yet".into()));
+                LightJob::Map(map) => {
+                    if !maps::fits(map) {
+                        return Err(EngineError::Input(format!(
+                            "environment picture of {} x {} texels does not fit its layout, {:?}",
+                            map.radiance.width(),
+                            map.radiance.height(),
+                            map.layout
+                        )));
+                    }
+                    maps::samples_of_map(map, samples)
                 }
             };
             let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
