@@ -147,5 +147,13 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 8] =
-    [&MERGE_BRACKET, &PROJECT_SH, &SHADOW_MAPS, &SHADE_OBJECT, &SHADE_SURFACE, &COMPOSITE, &TONEMAP];
+pub const TABLE: [&Kernel; 8] = [
+    &MERGE_BRACKET,
+    &UNWRAP_BALL,
+    &PROJECT_SH,
+    &SHADOW_MAPS,
+    &SHADE_OBJECT,
+    &SHADE_SURFACE,
+    &COMPOSITE,
+    &TONEMAP,
+];

@@ -88,6 +88,12 @@ shared_struct! {
         first_partial: u32,
         /// Rows of partial sums in all.
         partials: u32,
+        /// Rounds of 64 samples that one workgroup sums.
+        rounds: u32,
+        /// Groups of 4 samples in a round.
+        groups: u32,
+        /// To a whole 16 bytes.
+        unused: [u32; 2],
     }
 }
 
