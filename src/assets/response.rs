@@ -1,4 +1,4 @@
-//! A camera's response as JSON: `{"log_exposure": [[256 numbers], [..], [..]]}`, g(z) for red, green and blue.
+//! A camera's response as JSON: `{"log_exposure_rgb": [[256 numbers], [..], [..]]}`, g(z) for red, green and blue.
 
 use super::error::{AssetError, read_text};
 use crate::model::response::Response;
@@ -14,9 +14,9 @@ pub fn parse(file: &Path, text: &str) -> Result<Response, AssetError> {
     let allowed = "three lists (red, green, blue) of 256 finite numbers that never decrease";
     let root: serde_json::Value =
         serde_json::from_str(text).map_err(|e| AssetError::new(file, "is not valid JSON").cause(e))?;
-    let refuse = || AssetError::new(file, "log_exposure").allowed(allowed);
+    let refuse = || AssetError::new(file, "log_exposure_rgb").allowed(allowed);
     let rows: Vec<Vec<f32>> = root
-        .get("log_exposure")
+        .get("log_exposure_rgb")
         .and_then(|value| serde_json::from_value(value.clone()).ok())
         .ok_or_else(refuse)?;
     let mut tables = [[0.0f32; 256]; 3];
@@ -32,7 +32,7 @@ pub fn parse(file: &Path, text: &str) -> Result<Response, AssetError> {
 /// As JSON; `parse` gives the same response back.
 pub fn to_json(response: &Response) -> String {
     let rows: Vec<&[f32]> = response.log_exposure().iter().map(|g| &g[..]).collect();
-    format!("{}\n", serde_json::json!({ "log_exposure": rows }))
+    format!("{}\n", serde_json::json!({ "log_exposure_rgb": rows }))
 }
 
 #[cfg(test)]
@@ -50,14 +50,14 @@ mod tests {
     fn a_falling_table_is_refused_by_name() {
         let text = to_json(&Response::srgb()).replacen("0.0,", "-9.0,", 1).replacen("0.0]", "-99.0]", 1);
         let error = parse(Path::new("r.json"), &text).unwrap_err().to_string();
-        assert!(error.contains("r.json") && error.contains("log_exposure"), "{error}");
+        assert!(error.contains("r.json") && error.contains("log_exposure_rgb"), "{error}");
     }
 
     proptest! {
         #[test]
         fn any_text_is_judged(text in "\\PC{0,80}") {
             let _ = parse(Path::new("any.json"), &text);
-            let _ = parse(Path::new("any.json"), &format!("{{\"log_exposure\":{text}}}"));
+            let _ = parse(Path::new("any.json"), &format!("{{\"log_exposure_rgb\":{text}}}"));
         }
     }
 }

@@ -97,9 +97,8 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         .map_err(|e| CliError(e.to_string()))?;
     }
     if let Some(file) = &arguments.save_response {
-        let json =
-            serde_json::json!({ "log_exposure_rgb": chosen.response.log_exposure().map(|g| g.to_vec()) });
-        std::fs::write(file, format!("{json}\n")).map_err(|e| CliError::on(file.display(), e))?;
+        let json = crate::assets::response::to_json(&chosen.response);
+        std::fs::write(file, json).map_err(|e| CliError::on(file.display(), e))?;
     }
     report(&arguments, common, &files, &exposures, &chosen, &check, black, &merged, engine.description());
     Ok(())
@@ -299,34 +298,8 @@ fn gamma22() -> Result<Response, CliError> {
 }
 
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    #[derive(serde::Deserialize)]
-    struct Table {
-        log_exposure_rgb: [Vec<f32>; 3],
-    }
-    let text = std::fs::read_to_string(file).map_err(|e| {
-        CliError(format!(
-            "--response = {}: must be solve, srgb, gamma2.2 or a JSON file ({e})",
-            file.display()
-        ))
-    })?;
-    let table: Table = serde_json::from_str(&text).map_err(|e| CliError::on(file.display(), e))?;
-    let mut log_exposure = [[0.0; 256]; 3];
-    for (channel, (to, from)) in log_exposure.iter_mut().zip(&table.log_exposure_rgb).enumerate() {
-        if from.len() != 256 {
-            return Err(CliError(format!(
-                "{}: log_exposure_rgb[{channel}] has {} values: must have 256",
-                file.display(),
-                from.len()
-            )));
-        }
-        to.copy_from_slice(from);
-    }
-    Response::new(log_exposure).ok_or_else(|| {
-        CliError::on(
-            file.display(),
-            "log_exposure_rgb: must be finite and never fall from one value to the next",
-        )
-    })
+    crate::assets::response::load(file)
+        .map_err(|e| CliError(format!("--response: {e} (else solve, srgb or gamma2.2)")))
 }
 
 /// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.

@@ -72,8 +72,8 @@ mod tests {
         let clean = cone(&[up, side(1e5, 0)]);
         let filled = cone(&[up, side(1e5, FILLED)]);
         assert!(clean < 1e-3 && (0.09..0.11).contains(&filled), "{clean} {filled}");
-        // The unknown could be all there is.
-        assert_eq!(cone(&[up, side(9e6, FILLED)]), PI);
+        // Without the guess the light would come from the other side.
+        assert_eq!(cone(&[up, ([0.0, 0.0, -1.0], 1e-6, 3e6, FILLED)]), PI);
         // A saturated light can at most pull the direction to itself.
         let saturated = cone(&[up, side(1e6, LOWER_BOUND)]);
         assert!((saturated - PI / 4.0).abs() < 1e-3, "{saturated}");

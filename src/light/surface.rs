@@ -18,8 +18,9 @@ use rayon::prelude::*;
 
 /// The picture is read in square blocks, about this many in all.
 const BLOCKS: f64 = 5400.0;
-/// The surface is read up to this many radii from the ball's centre.
-const REACH_RADII: f64 = 12.0;
+/// The surface is read up to this many radii from the point below the ball's centre: far enough for the shadow of a
+/// light 12 degrees high, near enough to stay on a small table or stool.
+const REACH_RADII: f64 = 5.0;
 /// Fewer blocks than this are no surface.
 const FEWEST_POINTS: usize = 32;
 /// Parts of the upper half sphere: rows of the whole sphere, and columns.
@@ -137,7 +138,7 @@ impl SurfaceFit {
                 }
                 let offset = ball.centre_world - (eye + ray * distance);
                 let length = offset.length();
-                if length > REACH_RADII * ball.radius_m || length <= ball.radius_m {
+                if offset.truncate().length() > REACH_RADII * ball.radius_m || length <= ball.radius_m {
                     continue;
                 }
                 let Some(radiance) = block_mean(picture, x, y, side) else { continue };
@@ -250,14 +251,21 @@ impl SurfaceFit {
         }));
         let mut active: [bool; MOST_LIGHTS] = std::array::from_fn(|k| whole[k] > 0.0);
         loop {
-            let (solution, deviation) = self.reweighted(channel, &active)?;
+            let fitted = self.reweighted(channel, &active);
+            let sound = fitted.filter(|(solution, _)| solution.reflection > 0.0);
+            let Some((solution, deviation)) = sound else {
+                // Lights whose shadow is nowhere in the picture cannot be told from the rest: leave one out.
+                let last = active.iter().rposition(|a| *a)?;
+                active[last] = false;
+                continue;
+            };
             let faintest = (0..MOST_LIGHTS)
                 .filter(|k| active[*k])
                 .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match faintest {
                 Some((k, significance)) if significance < SIGNIFICANCE => active[k] = false,
-                _ => return (solution.reflection > 0.0).then_some(solution),
+                _ => return Some(solution),
             }
         }
     }

@@ -19,11 +19,6 @@ impl<'a> Mistakes<'a> {
         Self { file, list: RefCell::default() }
     }
 
-    /// The file.
-    pub fn file(&self) -> &'a Path {
-        self.file
-    }
-
     /// Adds one.
     pub fn add(&self, mistake: AssetError) {
         self.list.borrow_mut().push(mistake);

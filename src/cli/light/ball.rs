@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// How a ball is seen.
 #[derive(clap::Args, Debug)]
 #[command(next_help_heading = "Balls")]
-pub struct Arguments {
+pub struct BallArguments {
     /// A reference case (case.json or its folder): gives lens, pose and ball, and the picture `hdr` where no IMAGE is
     /// named. The ball stands on the case's plane.
     #[arg(long, value_name = "CASE.json", conflicts_with_all = ["camera", "focal", "ball_px", "ball_radius"])]
@@ -59,7 +59,7 @@ pub struct Arguments {
     pub on_surface: bool,
 }
 
-impl Arguments {
+impl BallArguments {
     /// The first of these options that was given.
     pub fn first_given(&self) -> Option<&'static str> {
         [
@@ -170,7 +170,7 @@ fn case_picture(
     input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), engine, notes)
 }
 
-fn lens_of(options: &Arguments, picture: &HdrImage) -> Result<Lens, CliError> {
+fn lens_of(options: &BallArguments, picture: &HdrImage) -> Result<Lens, CliError> {
     let (width, height) = (picture.radiance.width(), picture.radiance.height());
     if let Some(file) = &options.camera {
         return calibration::load(file)
@@ -189,7 +189,7 @@ fn lens_of(options: &Arguments, picture: &HdrImage) -> Result<Lens, CliError> {
 }
 
 /// World and ball from the ball's outline.
-fn place(options: &Arguments, lens: &Lens) -> Result<(Pose, MirrorBall), CliError> {
+fn place(options: &BallArguments, lens: &Lens) -> Result<(Pose, MirrorBall), CliError> {
     let positive = |name: &str, metres: f64| match metres > 0.0 && metres.is_finite() {
         true => Ok(metres),
         false => Err(CliError(format!("{name} {metres}: must be above 0 metres"))),

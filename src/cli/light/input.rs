@@ -107,25 +107,8 @@ fn seconds(text: &str) -> Result<f64, CliError> {
         .ok_or_else(|| CliError(format!("--times {text}: must be seconds above 0, such as 0.025 or 1/40")))
 }
 
-/// g(z) for red, green and blue, 256 values each.
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    let text = std::fs::read_to_string(file).map_err(|e| {
-        CliError(format!("--response {}: must be srgb, solve or a JSON file ({e})", file.display()))
-    })?;
-    let root: serde_json::Value = serde_json::from_str(&text).map_err(|e| CliError::on(file.display(), e))?;
-    let refuse = || {
-        CliError::on(
-            file.display(),
-            "log_exposure_rgb: must be three lists of 256 finite numbers that never decrease",
-        )
-    };
-    let rows = root.get("log_exposure_rgb").or_else(|| root.get("log_exposure")).ok_or_else(refuse)?;
-    let rows: [Vec<f32>; 3] = serde_json::from_value(rows.clone()).map_err(|_wrong_shape| refuse())?;
-    let mut tables = [[0.0f32; 256]; 3];
-    for (table, row) in tables.iter_mut().zip(&rows) {
-        *table = row.as_slice().try_into().map_err(|_wrong_length| refuse())?;
-    }
-    Response::new(tables).ok_or_else(refuse)
+    crate::assets::response::load(file).map_err(|e| CliError(format!("--response: {e} (else srgb or solve)")))
 }
 
 #[cfg(test)]

@@ -96,7 +96,7 @@ pub struct Arguments {
 
     /// How a ball is seen.
     #[command(flatten)]
-    pub ball: ball::Arguments,
+    pub ball: ball::BallArguments,
 }
 
 /// What a picture shows.
