@@ -18,9 +18,9 @@ use rayon::prelude::*;
 
 /// The picture is read in square blocks, about this many in all.
 const BLOCKS: f64 = 5400.0;
-/// The surface is read up to this many radii from the point below the ball's centre: far enough for the shadow of a
-/// light 12 degrees high, near enough to stay on a small table or stool.
-const REACH_RADII: f64 = 5.0;
+/// The surface is read up to this many radii from the point below the ball's centre where nobody says how far it
+/// goes: wide, since a narrow part of it (a sheet of paper, a stain) would stand for all of it.
+const REACH_RADII: f64 = 12.0;
 /// Fewer blocks than this are no surface.
 const FEWEST_POINTS: usize = 32;
 /// Parts of the upper half sphere: rows of the whole sphere, and columns.
@@ -125,6 +125,7 @@ impl SurfaceFit {
         // Half a block's diagonal, seen at the ball's distance, keeps blocks off the silhouette.
         let margin = side as f64 * std::f64::consts::FRAC_1_SQRT_2 / lens.fx.min(lens.fy);
         let clear = 1.03 * ball.radius_m + margin * to_ball.length();
+        let reach_m = ball.surface_radius_m.unwrap_or(REACH_RADII * ball.radius_m);
         for y in (0..height - height % side).step_by(side) {
             for x in (0..width - width % side).step_by(side) {
                 let half = side as f64 / 2.0;
@@ -138,7 +139,7 @@ impl SurfaceFit {
                 }
                 let offset = ball.centre_world - (eye + ray * distance);
                 let length = offset.length();
-                if offset.truncate().length() > REACH_RADII * ball.radius_m || length <= ball.radius_m {
+                if offset.truncate().length() > reach_m || length <= ball.radius_m {
                     continue;
                 }
                 let Some(radiance) = block_mean(picture, x, y, side) else { continue };

@@ -461,8 +461,12 @@ mod tests {
     use crate::math::lens::Distortion;
     use crate::model::image::Image;
 
-    const BALL: MirrorBall =
-        MirrorBall { centre_world: DVec3::new(0.1, -0.05, 0.3), radius_m: 0.05, reflectance_rgb: [0.5; 3] };
+    const BALL: MirrorBall = MirrorBall {
+        surface_radius_m: None,
+        centre_world: DVec3::new(0.1, -0.05, 0.3),
+        radius_m: 0.05,
+        reflectance_rgb: [0.5; 3],
+    };
 
     fn view_from(eye: DVec3) -> Pose {
         // Not straight at the ball: the silhouette is an ellipse off the centre.
@@ -637,9 +641,9 @@ mod tests {
         assert!(matches!(go(&away, BALL, lens), UnwrapError::NotVisible { .. }));
         let inside = Pose::new(pose.rotation, BALL.centre_world);
         assert!(matches!(go(&inside, BALL, lens), UnwrapError::Inside { .. }));
-        let bad = MirrorBall { radius_m: f64::NAN, ..BALL };
+        let bad = MirrorBall { surface_radius_m: None, radius_m: f64::NAN, ..BALL };
         assert!(matches!(go(&pose, bad, lens), UnwrapError::BadBall { what: "radius_m", .. }));
-        let black = MirrorBall { reflectance_rgb: [1.0, 0.0, 1.0], ..BALL };
+        let black = MirrorBall { surface_radius_m: None, reflectance_rgb: [1.0, 0.0, 1.0], ..BALL };
         assert!(matches!(go(&pose, black, lens), UnwrapError::BadBall { what: "reflectance_rgb", .. }));
         let small = Lens { width: 100, ..lens };
         assert!(matches!(go(&pose, BALL, small), UnwrapError::WrongSize { .. }));
