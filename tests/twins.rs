@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use halflight::{
     engine::{
-        Bracket, Engine, RelightInput,
+        Bracket, Engine, LightJob, RelightInput,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
@@ -23,6 +23,7 @@ use halflight::{
         picture::Picture,
         quality::Quality,
         response::Response,
+        rig::MirrorBall,
         scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
         time::Timestamp,
     },
@@ -125,6 +126,52 @@ fn projection_matches_and_repeats(engine: &mut GpuEngine) {
         let again = engine.project_sh(&samples, order).unwrap();
         assert_eq!(device.rgb.map(|row| row.map(f32::to_bits)), again.rgb.map(|row| row.map(f32::to_bits)));
     }
+}
+
+fn ball_matches(engine: GpuEngine) -> GpuEngine {
+    let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);
+    let ball = MirrorBall {
+        centre_world: DVec3::new(0.0, 0.0, 0.05),
+        radius_m: 0.05,
+        reflectance_rgb: [0.6, 0.58, 0.55],
+    };
+    let world_from_camera = Pose::look_at(DVec3::new(0.3, -0.4, 0.4), DVec3::new(0.02, 0.01, 0.04), DVec3::Z);
+    let mut picture = HdrImage::default();
+    picture.radiance.reshape(160, 120, [0.0; 3]);
+    picture.flags.reshape(160, 120, 0);
+    for (i, pixel) in picture.radiance.pixels_mut().iter_mut().enumerate() {
+        let (x, y) = ((i % 160) as f32 * 0.05, (i / 160) as f32 * 0.07);
+        *pixel = [1.0 + 0.8 * x.sin() * y.cos(), 1.2 + (x + y).cos(), if i % 97 == 0 { 30.0 } else { 0.5 }];
+    }
+    let mut engine = engine;
+    let twins = [Pass::UnwrapBall.name().to_owned(), Pass::ProjectSh.name().to_owned()];
+    for distortion in [Distortion::None, radial] {
+        let lens = Lens { distortion, ..Lens::pinhole(160, 120, 400.0, 400.0, 81.0, 59.0) };
+        for on_surface in [false, true] {
+            let job = LightJob::Ball {
+                picture: &picture,
+                lens: &lens,
+                world_from_camera: &world_from_camera,
+                ball: &ball,
+                on_surface,
+            };
+            let quality = Quality { sh_order: 6, ..Quality::default() };
+            let device = engine.estimate_light(&job, &quality).expect("a visible ball");
+            engine = engine.with_cpu_kernels(&twins).expect("known kernels");
+            let twin = engine.estimate_light(&job, &quality).expect("a visible ball");
+            engine = engine.with_cpu_kernels(&[]).expect("no kernel");
+            let all = device.total.rgb.as_flattened().iter().zip(twin.total.rgb.as_flattened());
+            let worst = all.map(|(d, t)| (d - t).abs() / twin.total.rgb[0][1]).fold(0.0, f32::max);
+            println!("ball, {:?}, {on_surface}: {worst:.1e}, {:?}", lens.distortion, device.flags);
+            // The same f32 steps; a pixel whose corner is on the rim to the last digit may come or go, and is
+            // then filled instead.
+            assert!(worst < 2e-5, "{worst}");
+            let counts = (device.flags.saturated_texels, device.flags.not_finite_texels);
+            assert_eq!(counts, (twin.flags.saturated_texels, twin.flags.not_finite_texels));
+            assert!(device.flags.texels.abs_diff(twin.flags.texels) <= 4);
+        }
+    }
+    engine
 }
 
 fn sphere(name: &str, rows: u32, centre: Vec3, radius: f32, material: Material) -> VirtualObject {
@@ -373,6 +420,7 @@ fn all_kernels(backend: Backend) {
     merge_matches(&mut engine);
     projection_matches_and_repeats(&mut engine);
     let mut cpu = CpuEngine::new(None).unwrap();
+    engine = ball_matches(engine);
     engine = drawing_matches(engine, &mut cpu);
     let mut timings = Vec::new();
     engine.take_timings(&mut timings);
@@ -387,4 +435,65 @@ fn vulkan_matches_the_twins() {
 #[test]
 fn gl_matches_the_twins() {
     all_kernels(Backend::Gl);
+}
+
+/// Mesa reads these when its driver is loaded, hence a process of its own.
+fn child(test: &str, gles_version: &str) -> String {
+    let program = std::env::current_exe().expect("the test's own program");
+    let output = std::process::Command::new(program)
+        .args([test, "--exact", "--nocapture"])
+        .env("MESA_GL_VERSION_OVERRIDE", "3.0")
+        .env("MESA_GLES_VERSION_OVERRIDE", gles_version)
+        .env(CHILD, gles_version)
+        .output()
+        .expect("the child runs");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    print!("{text}");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    text
+}
+
+/// Set in a child process: the version of OpenGL ES that it is to have.
+const CHILD: &str = "HALFLIGHT_TEST_GLES";
+
+#[test]
+fn gles_3_1_matches_the_twins() {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let text = child("gl_matches_the_twins", "3.1");
+    // Other drivers know nothing of the variables and are tested as they are.
+    assert!(text.contains("SKIPPED") || !text.contains("Mesa") || text.contains("OpenGL ES 3.1"), "{text}");
+}
+
+#[test]
+fn gles_3_0_is_refused_by_name() {
+    if std::env::var(CHILD).is_err() {
+        let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        child("gles_3_0_is_refused_by_name", "3.0");
+        return;
+    }
+    match GpuEngine::new(Some(Backend::Gl)) {
+        Ok(engine) if engine.description().contains("Mesa") => panic!("accepted: {}", engine.description()),
+        Ok(engine) => println!("{}: cannot be made to offer less", engine.description()),
+        Err(error) => {
+            println!("{error}");
+            let text = error.to_string();
+            assert!(text.contains("no usable GPU adapter") && text.contains("OpenGL ES 3.1"), "{text}");
+            assert!(text.contains("lacks compute shaders") || text.contains("no adapter at all"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn unknown_kernels_are_refused_with_the_known_ones() {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let engine = match GpuEngine::new(None) {
+        Ok(engine) => engine,
+        Err(error) => return support::skip_gpu("unknown kernels", &error.to_string()),
+    };
+    let engine = engine.with_cpu_kernels(&["light/project_sh".to_owned()]).expect("a kernel");
+    assert!(engine.description().ends_with("on the CPU: light/project_sh"), "{}", engine.description());
+    let error =
+        engine.with_cpu_kernels(&["light/unwrap".to_owned()]).err().expect("no such kernel").to_string();
+    assert!(error.contains("light/unwrap") && error.contains("light/unwrap_ball"), "{error}");
+    assert!(Pass::ALL.iter().all(|pass| error.contains(pass.name())), "{error}");
 }

@@ -1,1 +1,364 @@
-//! (placeholder until this room is built)
+//! Cube maps: DDS files with floating-point texels, and six pictures.
+
+use super::{
+    error::{AssetError, read_file},
+    pictures::{MAX_SIDE, load_raw},
+};
+use crate::model::{
+    image::RadianceImage,
+    light::{EnvironmentMap, MapLayout},
+};
+use half::f16;
+use std::path::{Path, PathBuf};
+
+/// Bytes before the texels; a DX10 header adds [`DX10_BYTES`].
+const HEADER_BYTES: usize = 128;
+const DX10_BYTES: usize = 20;
+/// Bits of caps2: a cube map, with all of its faces.
+const CAPS2_CUBE: u32 = 0x200;
+const CAPS2_FACES: u32 = 0xfc00;
+/// Pixel format has a FourCC.
+const FORMAT_FOUR_CC: u32 = 0x4;
+/// FourCC codes of RGBA in half and single floats, and of the extended header.
+const FOUR_CC_HALF: u32 = 113;
+const FOUR_CC_SINGLE: u32 = 116;
+const FOUR_CC_DX10: u32 = u32::from_le_bytes(*b"DX10");
+/// DXGI formats of RGBA in half and single floats.
+const DXGI_HALF: u32 = 10;
+const DXGI_SINGLE: u32 = 2;
+/// DX10: a two-dimensional texture, and the cube bit of its misc flags.
+const DX10_TEXTURE_2D: u32 = 3;
+const DX10_CUBE: u32 = 0x4;
+/// Longest side of a face: six of them make one picture.
+const MAX_FACE: usize = MAX_SIDE / 6;
+
+/// Names of the faces in the order in which they are stored.
+pub const FACES: [&str; 6] = ["+x", "-x", "+y", "-y", "+z", "-z"];
+
+/// How one colour channel is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Channel {
+    Half,
+    Single,
+}
+
+impl Channel {
+    /// Bytes of an RGBA texel.
+    fn texel_bytes(self) -> usize {
+        match self {
+            Self::Half => 8,
+            Self::Single => 16,
+        }
+    }
+
+    fn texel(self, bytes: &[u8]) -> [f32; 3] {
+        std::array::from_fn(|c| match self {
+            Self::Half => f16::from_le_bytes([bytes[2 * c], bytes[2 * c + 1]]).to_f32(),
+            Self::Single => {
+                f32::from_le_bytes([bytes[4 * c], bytes[4 * c + 1], bytes[4 * c + 2], bytes[4 * c + 3]])
+            }
+        })
+    }
+}
+
+/// Loads a cube map from a DDS file: RGBA in half floats (FourCC 113) or single floats (116), or the same with a
+/// DX10 header; all six faces; of mip levels the largest, alpha dropped.
+///
+/// The texels are as the file holds them, also where they are no radiance: `light::maps::samples_of_map` replaces
+/// and counts those. The faces stand one under the other in the order [`FACES`].
+///
+/// # Errors
+/// The file cannot be read; its header names another kind of texture, other texels or a size out of bounds; its
+/// length is not what the header asks for.
+pub fn load_cube(file: &Path) -> Result<EnvironmentMap, AssetError> {
+    decode_cube(file, &read_file(file)?)
+}
+
+/// [`load_cube`] from bytes; `file` only names them in errors.
+///
+/// # Errors
+/// As [`load_cube`].
+pub fn decode_cube(file: &Path, bytes: &[u8]) -> Result<EnvironmentMap, AssetError> {
+    let wrong = |what: &str, value: &dyn std::fmt::Display, allowed: &str| {
+        Err(AssetError::new(file, what).value(value).allowed(allowed))
+    };
+    let word = |offset: usize| {
+        bytes.get(offset..offset + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+    };
+    if !bytes.starts_with(b"DDS ") {
+        let first: Vec<String> = bytes.iter().take(4).map(|b| format!("{b:02x}")).collect();
+        return wrong("first bytes", &first.join(" "), "44 44 53 20 (a DDS file)");
+    }
+    if bytes.len() < HEADER_BYTES {
+        return wrong("length in bytes", &bytes.len(), "at least 128, the header of a DDS file");
+    }
+    if word(4) != 124 || word(76) != 32 {
+        return wrong("header sizes", &format!("{} and {}", word(4), word(76)), "124 and 32");
+    }
+    let (channel, texels_at) = match (word(80) & FORMAT_FOUR_CC != 0, word(84)) {
+        (true, FOUR_CC_HALF) => (Channel::Half, HEADER_BYTES),
+        (true, FOUR_CC_SINGLE) => (Channel::Single, HEADER_BYTES),
+        (true, FOUR_CC_DX10) => (dx10_channel(file, bytes, word)?, HEADER_BYTES + DX10_BYTES),
+        (has_code, code) => {
+            let name = if has_code { four_cc_name(code) } else { "none".to_owned() };
+            return wrong("FourCC", &name, "113 (RGBA half floats), 116 (RGBA floats) or DX10");
+        }
+    };
+    let is_dx10 = texels_at != HEADER_BYTES;
+    let caps2 = word(112);
+    // With a DX10 header its own flag counts, and some writers leave caps2 empty.
+    if (caps2 & CAPS2_CUBE == 0 || caps2 & CAPS2_FACES != CAPS2_FACES) && !is_dx10 {
+        return wrong("caps2", &format!("{caps2:#x}"), "a cube map with all six faces (0xfe00)");
+    }
+    let (height, width) = (word(12) as usize, word(16) as usize);
+    if width != height || !(1..=MAX_FACE).contains(&width) {
+        let allowed = format!("square, 1 to {MAX_FACE} texels a side");
+        return wrong("face size", &format!("{width} x {height}"), &allowed);
+    }
+    // Writers put 0 or 1 where there is only the largest level.
+    let levels = word(28).max(1);
+    if levels > width.ilog2() + 1 {
+        let allowed = format!("at most {} for faces of {width} texels", width.ilog2() + 1);
+        return wrong("mip levels", &levels, &allowed);
+    }
+    let face_texels: usize = (0..levels).map(|level| (width >> level).max(1).pow(2)).sum();
+    let face_bytes = face_texels * channel.texel_bytes();
+    let expected = texels_at + 6 * face_bytes;
+    if bytes.len() != expected {
+        let allowed = format!("{expected} (6 faces of {width} x {width}, {levels} mip levels)");
+        return wrong("length in bytes", &bytes.len(), &allowed);
+    }
+    let mut pixels = Vec::with_capacity(6 * width * width);
+    for face in bytes[texels_at..].chunks_exact(face_bytes) {
+        let largest = &face[..width * width * channel.texel_bytes()];
+        pixels.extend(largest.chunks_exact(channel.texel_bytes()).map(|texel| channel.texel(texel)));
+    }
+    stacked(file, width, pixels)
+}
+
+fn dx10_channel(file: &Path, bytes: &[u8], word: impl Fn(usize) -> u32) -> Result<Channel, AssetError> {
+    let wrong = |what: &str, value: u32, allowed: &str| {
+        Err(AssetError::new(file, what).value(value).allowed(allowed))
+    };
+    if bytes.len() < HEADER_BYTES + DX10_BYTES {
+        return wrong("length in bytes", bytes.len() as u32, "at least 148, the header of a DX10 DDS file");
+    }
+    if word(132) != DX10_TEXTURE_2D {
+        return wrong("DX10 resource dimension", word(132), "3 (a two-dimensional texture)");
+    }
+    if word(136) & DX10_CUBE == 0 {
+        return wrong("DX10 misc flag", word(136), "4 (a cube map)");
+    }
+    if word(140) != 1 {
+        return wrong("DX10 array size", word(140), "1 (one cube map)");
+    }
+    match word(128) {
+        DXGI_HALF => Ok(Channel::Half),
+        DXGI_SINGLE => Ok(Channel::Single),
+        other => wrong("DXGI format", other, "10 (R16G16B16A16_FLOAT) or 2 (R32G32B32A32_FLOAT)"),
+    }
+}
+
+/// A FourCC as people write it: its letters, or the number.
+fn four_cc_name(code: u32) -> String {
+    let letters = code.to_le_bytes();
+    if letters.iter().all(u8::is_ascii_graphic) {
+        letters.map(char::from).iter().collect()
+    } else {
+        code.to_string()
+    }
+}
+
+fn stacked(file: &Path, width: usize, pixels: Vec<[f32; 3]>) -> Result<EnvironmentMap, AssetError> {
+    let radiance = RadianceImage::from_pixels(width, 6 * width, pixels)
+        .ok_or_else(|| AssetError::new(file, "texels").allowed("as many as six faces hold"))?;
+    Ok(EnvironmentMap { layout: MapLayout::Cube, radiance })
+}
+
+/// Loads a cube map from six square pictures of one size, in the order [`FACES`]: Radiance, OpenEXR, or PNG and
+/// JPEG taken as sRGB. Texels are as the files hold them, as with [`load_cube`].
+///
+/// # Errors
+/// One of the files cannot be loaded, is not square, too large, or of another size than the first.
+pub fn load_cube_faces(files: &[PathBuf; 6]) -> Result<EnvironmentMap, AssetError> {
+    let mut pixels = Vec::new();
+    let mut side = None;
+    for (file, face) in files.iter().zip(FACES) {
+        let picture = load_raw(file)?;
+        let (width, height) = (picture.width(), picture.height());
+        let wanted = side.unwrap_or(width);
+        if width != height || width != wanted || width > MAX_FACE {
+            let allowed = match side {
+                Some(side) => format!("{side} x {side} as face {} is", FACES[0]),
+                None => format!("square, 1 to {MAX_FACE} texels a side"),
+            };
+            return Err(AssetError::new(file, format!("size of face {face}"))
+                .value(format!("{width} x {height}"))
+                .allowed(allowed));
+        }
+        side = Some(width);
+        pixels.extend_from_slice(picture.pixels());
+    }
+    stacked(&files[0], side.unwrap_or(0), pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A sound file whose texel k of face f has red 10 f + k, with as many mip levels as asked for.
+    fn file_of(width: usize, levels: u32, channel: Channel, dx10: bool) -> Vec<u8> {
+        let mut bytes = vec![0u8; HEADER_BYTES];
+        bytes[..4].copy_from_slice(b"DDS ");
+        let mut put =
+            |offset: usize, value: u32| bytes[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
+        put(4, 124);
+        put(8, 0x1007);
+        put(12, width as u32);
+        put(16, width as u32);
+        put(28, levels);
+        put(76, 32);
+        put(80, FORMAT_FOUR_CC);
+        put(112, CAPS2_CUBE | CAPS2_FACES);
+        let code = match (dx10, channel) {
+            (true, _) => FOUR_CC_DX10,
+            (false, Channel::Half) => FOUR_CC_HALF,
+            (false, Channel::Single) => FOUR_CC_SINGLE,
+        };
+        put(84, code);
+        if dx10 {
+            let format = if channel == Channel::Half { DXGI_HALF } else { DXGI_SINGLE };
+            for value in [format, DX10_TEXTURE_2D, DX10_CUBE, 1, 0] {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+        for face in 0..6 {
+            for level in 0..levels.max(1) {
+                for k in 0..(width >> level).max(1).pow(2) {
+                    let red = if level == 0 { (10 * face + k) as f32 } else { -1.0 };
+                    for value in [red, 0.5, -2.0, 1.0] {
+                        match channel {
+                            Channel::Half => bytes.extend_from_slice(&f16::from_f32(value).to_le_bytes()),
+                            Channel::Single => bytes.extend_from_slice(&value.to_le_bytes()),
+                        }
+                    }
+                }
+            }
+        }
+        bytes
+    }
+
+    fn decode(bytes: &[u8]) -> Result<EnvironmentMap, String> {
+        decode_cube(Path::new("sky.dds"), bytes).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn all_kinds_load_the_largest_level() {
+        for channel in [Channel::Half, Channel::Single] {
+            for dx10 in [false, true] {
+                for levels in [0, 1, 2] {
+                    let map = decode(&file_of(2, levels, channel, dx10)).unwrap();
+                    assert_eq!(
+                        (map.layout, map.radiance.width(), map.radiance.height()),
+                        (MapLayout::Cube, 2, 12)
+                    );
+                    for (k, texel) in map.radiance.pixels().iter().enumerate() {
+                        assert_eq!(*texel, [(10 * (k / 4) + k % 4) as f32, 0.5, -2.0]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lies_of_the_header_are_named() {
+        let said = |offset: usize, value: u32, want: &str| {
+            let mut bytes = file_of(4, 1, Channel::Half, false);
+            bytes[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
+            let error = decode(&bytes).unwrap_err();
+            assert!(error.starts_with("sky.dds: ") && error.contains(want), "{error}");
+        };
+        said(0, 0, "first bytes = 00 00 00 00");
+        said(4, 100, "header sizes = 100 and 32");
+        said(84, u32::from_le_bytes(*b"DXT5"), "FourCC = DXT5: must be 113");
+        said(84, 36, "FourCC = 36");
+        said(80, 0x41, "FourCC = none");
+        said(112, 0, "caps2 = 0x0: must be a cube map");
+        said(112, 0x600, "caps2 = 0x600");
+        said(12, 8, "face size = 4 x 8: must be square");
+        said(28, 9, "mip levels = 9: must be at most 3");
+        said(28, 2, "length in bytes = 896: must be");
+        let mut huge = file_of(4, 1, Channel::Half, false);
+        for offset in [12, 16] {
+            huge[offset..offset + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        }
+        assert!(decode(&huge).unwrap_err().contains("face size = 4294967295 x 4294967295"));
+        for (offset, value, want) in [
+            (128, 28, "DXGI format = 28"),
+            (132, 4, "dimension = 4"),
+            (136, 0, "misc flag"),
+            (140, 2, "array size"),
+        ] {
+            let mut bytes = file_of(4, 1, Channel::Single, true);
+            bytes[offset..offset + 4].copy_from_slice(&u32::to_le_bytes(value));
+            let error = decode(&bytes).unwrap_err();
+            assert!(error.contains(want), "{error}");
+        }
+    }
+
+    #[test]
+    fn six_pictures_make_a_cube_and_unequal_ones_do_not() {
+        let folder = std::env::temp_dir().join(format!("halflight-faces-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let files: [PathBuf; 6] = std::array::from_fn(|face| {
+            let file = folder.join(format!("{face}.exr"));
+            let picture = RadianceImage::filled(3, 3, [face as f32, 0.25, 1.0]);
+            super::super::pictures::save_exr_f32(&file, &picture).unwrap();
+            file
+        });
+        let map = load_cube_faces(&files).unwrap();
+        for (k, texel) in map.radiance.pixels().iter().enumerate() {
+            assert_eq!(*texel, [(k / 9) as f32, 0.25, 1.0]);
+        }
+        super::super::pictures::save_exr_f32(&files[4], &RadianceImage::filled(2, 2, [1.0; 3])).unwrap();
+        let error = load_cube_faces(&files).unwrap_err().to_string();
+        assert!(error.contains("size of face +z = 2 x 2: must be 3 x 3 as face +x is"), "{error}");
+        super::super::pictures::save_exr_f32(&files[0], &RadianceImage::filled(2, 3, [1.0; 3])).unwrap();
+        let error = load_cube_faces(&files).unwrap_err().to_string();
+        assert!(error.contains("size of face +x = 2 x 3: must be square"), "{error}");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    proptest! {
+        #[test]
+        fn cut_files_are_refused(keep in 0usize..500, dx10: bool) {
+            let bytes = file_of(2, 2, Channel::Half, dx10);
+            prop_assume!(keep < bytes.len());
+            prop_assert!(decode(&bytes[..keep]).is_err());
+        }
+
+        #[test]
+        fn changed_headers_never_panic(
+            changes in prop::collection::vec((0usize..148, any::<u8>()), 1..6),
+            dx10: bool,
+        ) {
+            // What is taken must still agree with the length, so memory is bounded by it.
+            let mut bytes = file_of(4, 3, Channel::Single, dx10);
+            for (offset, value) in changes {
+                bytes[offset] = value;
+            }
+            if let Ok(map) = decode(&bytes) {
+                prop_assert!(map.radiance.pixels().len() * 8 <= bytes.len());
+            }
+        }
+
+        #[test]
+        fn noise_is_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            if bytes.len() >= 4 {
+                bytes[..4].copy_from_slice(b"DDS ");
+            }
+            prop_assert!(decode(&bytes).is_err());
+        }
+    }
+}

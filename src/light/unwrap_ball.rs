@@ -94,7 +94,7 @@ pub struct KernelSphere {
 }
 
 /// Checks a ball and a picture against each other.
-fn check(picture: &HdrImage, lens: &Lens, eye: DVec3, ball: &MirrorBall) -> Result<(), UnwrapError> {
+pub fn check(picture: &HdrImage, lens: &Lens, eye: DVec3, ball: &MirrorBall) -> Result<(), UnwrapError> {
     let (got_width, got_height) = (picture.radiance.width(), picture.radiance.height());
     let (want_width, want_height) = (lens.width as usize, lens.height as usize);
     let flags_fit = (picture.flags.width(), picture.flags.height()) == (got_width, got_height);

@@ -3,19 +3,27 @@
 use super::{
     context::{Backend, GpuContext},
     kernels::TABLE,
-    passes::{merge_bracket::MergeBracket, project_sh::ProjectSh},
+    passes::{merge_bracket::MergeBracket, project_sh::ProjectSh, unwrap_ball::UnwrapBall},
     recorder::Timer,
     relight::{Relighter, ready},
 };
 use crate::{
     engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput},
     hdr::merge_bracket,
+    light::{
+        maps::samples_of_map,
+        project_sh,
+        unwrap_ball::{self, BallUnwrapper, BallView, UnwrapError},
+    },
+    math::{lens::Lens, pose::Pose},
     model::{
+        estimate::LightFlags,
         image::HdrImage,
         light::{RadianceSamples, RadianceSh},
         picture::Picture,
         quality::Quality,
         response::Response,
+        rig::MirrorBall,
         scene::Scene,
     },
     plan::{FramePlan, Pass, PassTiming},
@@ -27,8 +35,13 @@ pub struct GpuEngine {
     timer: Timer,
     on_cpu: [bool; Pass::ALL.len()],
     merge: Option<MergeBracket>,
+    unwrap: Option<UnwrapBall>,
     project: Option<ProjectSh>,
     relighter: Relighter,
+    unwrapper: BallUnwrapper,
+    ball_view: BallView,
+    cells: Vec<[f32; 4]>,
+    samples: RadianceSamples,
 }
 
 impl GpuEngine {
@@ -41,8 +54,13 @@ impl GpuEngine {
             timer,
             on_cpu: [false; Pass::ALL.len()],
             merge: None,
+            unwrap: None,
             project: None,
             relighter: Relighter::new(),
+            unwrapper: BallUnwrapper::new(),
+            ball_view: BallView::default(),
+            cells: Vec::new(),
+            samples: RadianceSamples::default(),
         })
     }
 
@@ -70,9 +88,48 @@ impl GpuEngine {
 
     /// Projects samples to SH (kernel `light/project_sh`); the order is taken into 1..=6.
     pub fn project_sh(&mut self, samples: &RadianceSamples, order: usize) -> Result<RadianceSh, EngineError> {
+        if self.on_cpu(Pass::ProjectSh) {
+            return Ok(self.timer.host(Pass::ProjectSh, || project_sh::project_sh(samples, order)));
+        }
         let project = ready(&mut self.project, &self.context, ProjectSh::new)?;
         project.run(&self.context, &mut self.timer, samples, order)
     }
+
+    /// Reads a ball's radiance samples (kernel `light/unwrap_ball`); the host makes the rays and fills what the
+    /// ball does not show.
+    fn unwrap_ball(
+        &mut self,
+        seen: &BallPicture<'_>,
+        out: &mut RadianceSamples,
+    ) -> Result<LightFlags, EngineError> {
+        let BallPicture { picture, lens, world_from_camera, ball, on_surface } = *seen;
+        let (twin, timer) = (&mut self.unwrapper, &mut self.timer);
+        let refused = |error: UnwrapError| EngineError::Input(error.to_string());
+        if self.on_cpu[Pass::UnwrapBall as usize] {
+            let unwrap = || twin.unwrap(picture, lens, world_from_camera, ball, on_surface, out);
+            return timer.host(Pass::UnwrapBall, unwrap).map_err(refused);
+        }
+        let kernel = ready(&mut self.unwrap, &self.context, UnwrapBall::new)?;
+        let (view, cells) = (&mut self.ball_view, &mut self.cells);
+        let prepare = || {
+            unwrap_ball::check(picture, lens, world_from_camera.translation, ball)?;
+            view.prepare(lens, world_from_camera, ball)
+        };
+        timer.host(Pass::UnwrapBall, prepare).map_err(refused)?;
+        kernel.run(&self.context, timer, view, on_surface, cells)?;
+        let finish = || twin.finish(view, cells, picture, lens, world_from_camera, ball, on_surface, out);
+        timer.host(Pass::UnwrapBall, finish).map_err(refused)
+    }
+}
+
+/// A ball in a picture.
+#[derive(Clone, Copy)]
+struct BallPicture<'a> {
+    picture: &'a HdrImage,
+    lens: &'a Lens,
+    world_from_camera: &'a Pose,
+    ball: &'a MirrorBall,
+    on_surface: bool,
 }
 
 impl Engine for GpuEngine {
@@ -108,10 +165,23 @@ impl Engine for GpuEngine {
 
     fn estimate_light(
         &mut self,
-        _job: &LightJob<'_>,
-        _quality: &Quality,
+        job: &LightJob<'_>,
+        quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        Err(EngineError::Gpu { pass: Pass::UnwrapBall.name(), reason: "not built yet".into() })
+        let mut samples = std::mem::take(&mut self.samples);
+        let flags = match *job {
+            LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                let seen = BallPicture { picture, lens, world_from_camera, ball, on_surface };
+                self.unwrap_ball(&seen, &mut samples)
+            }
+            LightJob::Map(map) => Ok(samples_of_map(map, &mut samples)),
+        };
+        let measured = flags.and_then(|flags| {
+            let total = self.project_sh(&samples, quality.sh_order)?;
+            Ok(MeasuredLight { total, flags })
+        });
+        self.samples = samples;
+        measured
     }
 
     fn relight(

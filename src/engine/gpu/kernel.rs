@@ -199,14 +199,18 @@ impl Built {
         Ok(pipeline)
     }
 
-    /// A compute pipeline of one entry point.
+    /// A compute pipeline of one entry point. Workgroup memory starts undefined: every kernel writes before it
+    /// reads, and clearing it costs GL drivers a minute of compiling (it is written out number by number).
     pub fn compute(&self, context: &GpuContext, entry: &str) -> Result<wgpu::ComputePipeline, EngineError> {
         let pipeline = context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(self.name()),
             layout: Some(&self.pipeline_layout),
             module: &self.module,
             entry_point: Some(entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
             cache: None,
         });
         context.check(self.name())?;

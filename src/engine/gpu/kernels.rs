@@ -30,6 +30,19 @@ pub const MERGE_BRACKET: Kernel = Kernel {
     structs: &[params::MergeParams::LAYOUT],
 };
 
+/// `light/unwrap_ball`: one invocation a pixel of the ball's region.
+pub const UNWRAP_BALL: Kernel = Kernel {
+    pass: Pass::UnwrapBall,
+    sources: &[source!("light/unwrap_ball")],
+    entries: &["unwrap"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("corner_rays", BindingKind::Read),
+        Binding::new("cells", BindingKind::Write),
+    ],
+    structs: &[params::UnwrapParams::LAYOUT],
+};
+
 /// `light/project_sh`: partial sums of 256 samples each, then one workgroup for each coefficient.
 pub const PROJECT_SH: Kernel = Kernel {
     pass: Pass::ProjectSh,
@@ -134,5 +147,13 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 7] =
-    [&MERGE_BRACKET, &PROJECT_SH, &SHADOW_MAPS, &SHADE_OBJECT, &SHADE_SURFACE, &COMPOSITE, &TONEMAP];
+pub const TABLE: [&Kernel; 8] = [
+    &MERGE_BRACKET,
+    &UNWRAP_BALL,
+    &PROJECT_SH,
+    &SHADOW_MAPS,
+    &SHADE_OBJECT,
+    &SHADE_SURFACE,
+    &COMPOSITE,
+    &TONEMAP,
+];

@@ -60,6 +60,24 @@ shared_struct! {
 }
 
 shared_struct! {
+    /// `light/unwrap_ball`.
+    UnwrapParams {
+        /// From the ball's centre to the camera, metres.
+        eye_from_centre: [f32; 3],
+        /// Metres.
+        radius: f32,
+        /// Square of the largest distance between ray and centre that still counts.
+        rim_squared: f32,
+        /// Columns of the region.
+        width: u32,
+        /// Rows of the region.
+        height: u32,
+        /// 1: only the part of each cell with z > 0 counts.
+        above_horizon: u32,
+    }
+}
+
+shared_struct! {
     /// `light/project_sh`.
     ProjectParams {
         /// Samples in this part.
@@ -70,6 +88,12 @@ shared_struct! {
         first_partial: u32,
         /// Rows of partial sums in all.
         partials: u32,
+        /// Rounds of 64 samples that one workgroup sums.
+        rounds: u32,
+        /// Groups of 4 samples in a round.
+        groups: u32,
+        /// To a whole 16 bytes.
+        unused: [u32; 2],
     }
 }
 

@@ -93,7 +93,12 @@ impl Relighter {
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
         let distorted_eye = (input.lens.distortion != Distortion::None).then_some(camera.eye);
-        self.scene.update(context, &self.twins.objects, &self.twins.surfaces, distorted_eye);
+        if [Pass::ShadowMaps, Pass::ShadeObject, Pass::ShadeSurface]
+            .iter()
+            .any(|&p| plan.has(p) && !on_cpu(p))
+        {
+            self.scene.update(context, &self.twins.objects, &self.twins.surfaces, distorted_eye);
+        }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
 
         let (twins, exchange) = (&mut self.twins, &mut self.exchange);

@@ -4,7 +4,11 @@
 //! edges that look long from the eye are halved until their bow is far below a pixel; through a pinhole the
 //! triangles stay as they are.
 
-use std::{collections::HashMap, ops::Range};
+use std::{
+    collections::HashMap,
+    hash::{BuildHasherDefault, Hasher},
+    ops::Range,
+};
 
 use glam::Vec3;
 
@@ -272,7 +276,7 @@ fn cut_long_edges<V: Halve, T: Copy>(
     triangles: &[([u32; 3], T)],
     eye: Vec3,
 ) -> Vec<([u32; 3], T)> {
-    let mut middles = HashMap::new();
+    let mut middles: HashMap<u64, u32, BuildHasherDefault<EdgeHasher>> = HashMap::default();
     let mut out = Vec::with_capacity(triangles.len());
     let mut open = Vec::new();
     for &(corners, tag) in triangles {
@@ -293,16 +297,39 @@ fn cut_long_edges<V: Halve, T: Copy>(
             }
             let (a, b) = ends(longest);
             let apex = corners[(longest + 2) % 3];
-            let middle = *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                let between = vertices[a.min(b) as usize].between(&vertices[a.max(b) as usize]);
-                vertices.push(between);
-                vertices.len() as u32 - 1
-            });
+            let middle =
+                *middles.entry(u64::from(a.min(b)) << 32 | u64::from(a.max(b))).or_insert_with(|| {
+                    let between = vertices[a.min(b) as usize].between(&vertices[a.max(b) as usize]);
+                    vertices.push(between);
+                    vertices.len() as u32 - 1
+                });
             open.push([middle, b, apex]);
             open.push([a, middle, apex]);
         }
     }
     out
+}
+
+/// Spreads the two indices of an edge; cutting is done for every frame of a moving camera.
+#[derive(Default)]
+struct EdgeHasher(u64);
+
+impl Hasher for EdgeHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_u64(u64::from(byte));
+        }
+    }
+
+    fn write_u64(&mut self, edge: u64) {
+        // The golden ratio's digits; the upper half holds the best mixed bits, the map looks at both.
+        let mixed = (self.0 ^ edge).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ mixed >> 32;
+    }
 }
 
 fn distance_to_segment(p: Vec3, a: Vec3, b: Vec3) -> f32 {

@@ -7,3 +7,4 @@ pub mod shade_object;
 pub mod shade_surface;
 pub mod shadow_maps;
 pub mod tonemap;
+pub mod unwrap_ball;

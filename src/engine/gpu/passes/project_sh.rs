@@ -12,14 +12,17 @@ use crate::{
             recorder::{Recorder, Timer},
         },
     },
+    light::project_sh::LEAF_SAMPLES,
     math::sh::{MAX_COEFFICIENTS, MAX_ORDER},
     model::light::{RadianceSamples, RadianceSh},
     plan::Pass,
 };
 
 const PASS: Pass = Pass::ProjectSh;
-/// Samples of one workgroup.
-const GROUP_SAMPLES: usize = 256;
+/// Samples of one workgroup: a leaf of the twin's tree.
+const GROUP_SAMPLES: usize = LEAF_SAMPLES;
+/// Invocations of a workgroup.
+const LANES: usize = 64;
 /// Samples that are on the device at a time: 32 MiB.
 const PART_SAMPLES: usize = 1 << 20;
 const ROW_BYTES: usize = MAX_COEFFICIENTS * 16;
@@ -89,6 +92,9 @@ impl ProjectSh {
                 order: order as u32,
                 first_partial: (start / GROUP_SAMPLES) as u32,
                 partials: partials as u32,
+                rounds: (GROUP_SAMPLES / LANES) as u32,
+                groups: (LANES / 4) as u32,
+                unused: [0; 2],
             };
             // An upload comes before everything that is submitted later, so parts are submitted one by one.
             recorder.submit();
