@@ -2,13 +2,13 @@
 
 mod support;
 
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use halflight::{
     assets::{
         case::{self, EmitterKind},
-        obj,
+        gltf, obj,
         pictures::{load_gray8, load_radiance, load_raw, load_rgb8},
-        shapes::{bounds, transformed},
+        shapes::{bounds, merged, transformed},
     },
     math::bvh::Bvh,
     model::scene::Mesh,
@@ -194,4 +194,37 @@ fn assert_sound(name: &str, mesh: &Mesh) {
     assert!(mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5), "{name}");
     assert!(mesh.tints_rgb.as_flattened().iter().all(|t| (0.0..=1.0).contains(t)), "{name}");
     assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < n), "{name}");
+}
+
+#[test]
+fn real_models_come_out_upright_and_sound() {
+    let Some(shared) = support::shared("models") else { return };
+    // Triangles, lowest and highest corner (z up, facing -y), objects. Boxes of files without nodes or skins follow
+    // from their accessors' own bounds; the robot's is as posed by its skin: feet at 0, head at 4.4.
+    for (name, triangles, low, high, objects) in [
+        ("CornellBox_bevy.glb", 36, [-556.0, 0.0, 0.0], [0.0, 559.2, 548.8], 5),
+        ("DamagedHelmet.glb", 15_452, [-0.947, -0.813, -0.901], [0.942, 1.187, 0.901], 1),
+        ("Fox.glb", 576, [-12.593, -66.625, -0.122], [12.593, 88.095, 78.907], 1),
+        ("RobotExpressive.glb", 3_234, [-1.691, -1.706, -0.020], [1.554, 0.950, 4.442], 3),
+        ("SimpleSkin.gltf", 8, [-0.5, 0.0, 0.0], [0.5, 0.0, 2.0], 1),
+    ] {
+        let model = gltf::load_with(&shared.join("data/models").join(name), 8, &|_| ()).unwrap();
+        let meshes: Vec<Mesh> = model.iter().map(|o| o.mesh.clone()).collect();
+        let all = merged(&meshes);
+        assert_eq!((model.len(), all.triangles.len()), (objects, triangles), "{name}");
+        let (found_low, found_high) = bounds(&all).unwrap();
+        let near = |a: Vec3, b: [f32; 3]| a.abs_diff_eq(Vec3::from(b), 1e-3);
+        assert!(near(found_low, low) && near(found_high, high), "{name}: {found_low} {found_high}");
+        for object in &model {
+            assert_sound(&object.name, &object.mesh);
+            assert_eq!(object.openness.len(), object.mesh.positions.len());
+            assert!(object.openness.iter().all(|o| (0.0..=1.0).contains(o)));
+        }
+        if name == "Fox.glb" {
+            // Its texture reaches the vertices: orange on the whole.
+            let n = model[0].mesh.tints_rgb.len() as f32;
+            let mean = |c: usize| model[0].mesh.tints_rgb.iter().map(|t| t[c]).sum::<f32>() / n;
+            assert!(mean(0) > 2.0 * mean(2) && mean(0) > mean(1), "{} {} {}", mean(0), mean(1), mean(2));
+        }
+    }
 }

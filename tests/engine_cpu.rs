@@ -1,8 +1,8 @@
 //! The CPU engine as a whole: it runs exactly the plan, gives the same picture for any number of threads,
 //! and allocates nothing per frame. Also the golden numbers of the shadow bias.
-#![allow(unsafe_code, reason = "a counting allocator has to implement GlobalAlloc")]
-
 mod support;
+#[path = "support/sys.rs"]
+mod sys;
 
 use glam::{Affine3A, DVec3, Vec3};
 use halflight::engine::{Bracket, Engine, EngineError, RelightInput, cpu::CpuEngine};
@@ -22,34 +22,6 @@ use halflight::plan::{
     effects::{self, Occasion},
 };
 use halflight::visibility::shadow_maps;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-struct Counting;
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: hands everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: as the caller promises.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promises.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: as the caller promises.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// The allocator counts the whole process: tests of this file take turns.
 static TURN: std::sync::Mutex<()> = std::sync::Mutex::new(());
@@ -248,7 +220,7 @@ fn no_allocation_per_frame() {
     let frames = 100;
     let mut counted = 0;
     for k in 0..2 * frames {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = sys::allocations();
         // The camera sways and the sun moves, over the same places again and again.
         let phase = (k % 20) as f64 * 0.314;
         let eye = DVec3::new(0.3 + 0.1 * phase.sin(), -0.6, 0.5 + 0.05 * phase.cos());
@@ -271,7 +243,7 @@ fn no_allocation_per_frame() {
         engine.relight(&plan, &input, &mut picture).unwrap();
         engine.take_timings(&mut timings);
         if k >= frames {
-            counted += ALLOCATIONS.load(Ordering::Relaxed) - before;
+            counted += sys::allocations() - before;
         }
     }
     println!("{counted} allocations in {frames} frames");

@@ -278,3 +278,84 @@ fn a_small_far_tag_is_ambiguous_and_a_near_one_is_not() {
     let apart = other.camera_from_tag.angle_to(&far.best.camera_from_tag).to_degrees();
     assert!((55.0..65.0).contains(&apart), "{apart}");
 }
+
+fn halflight(arguments: &[&str]) -> (i32, String, String) {
+    let out = std::process::Command::new(env!("CARGO_BIN_EXE_halflight")).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (out.status.code().unwrap(), text(out.stdout), text(out.stderr))
+}
+
+#[test]
+fn the_verb_prints_json_and_draws() {
+    let Some(shared) = support::shared("the_verb_prints_json") else { return };
+    let duckie = shared.join("data/apriltag/duckie");
+    let picture = duckie.join("test_image_rotation_30.png");
+    let camera = format!("{}#rotation_test", duckie.join("test_info.yaml").display());
+    let out = std::env::temp_dir().join(format!("halflight-tags-{}.png", std::process::id()));
+    let (picture, drawn) = (picture.to_str().unwrap(), out.to_str().unwrap());
+    let (status, text, _) =
+        halflight(&["tags", picture, "--camera", &camera, "--size", "0.065", "--json", "--out", drawn]);
+    assert_eq!(status, 0);
+    let list: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let tags = list.as_array().unwrap();
+    assert_eq!(tags.len(), 1);
+    let tag = &tags[0];
+    assert_eq!(tag["id"], 76);
+    assert_eq!(tag["corners_px"].as_array().unwrap().len(), 4);
+    let rows: [[f64; 4]; 4] = serde_json::from_value(tag["camera_from_tag"].clone()).unwrap();
+    assert_eq!(rows[3], [0.0, 0.0, 0.0, 1.0]);
+    let distance = rows[0][3].hypot(rows[1][3]).hypot(rows[2][3]);
+    assert!((0.20..0.215).contains(&distance), "{distance}");
+    // The same pose puts the corners back to where they were seen, within the error it states.
+    let lens = duckie_lens(1056, 792, 329.8729619143081, 332.94611303946357, 528.0, 396.0);
+    let mut squares = 0.0;
+    for (i, corner) in tag_pose::corners_of_tag_m(0.065).into_iter().enumerate() {
+        let seen = |k: usize| tag["corners_px"][i][k].as_f64().unwrap();
+        let again = lens.project(Pose::from_rows(rows).transform(corner)).unwrap();
+        squares += again.distance_squared(DVec2::new(seen(0), seen(1)));
+    }
+    let rms = tag["reprojection_px"].as_f64().unwrap();
+    assert!(((squares / 8.0).sqrt() - rms).abs() < 1e-9);
+    assert!(tag["ambiguity"].as_f64().unwrap() >= 1.0);
+    let (before, after) = (image::open(picture).unwrap().to_rgb8(), image::open(&out).unwrap().to_rgb8());
+    let changed = before.pixels().zip(after.pixels()).filter(|(a, b)| a != b).count();
+    // Four sides of about 95 px, two pixels wide, and the axes.
+    assert!((600..1600).contains(&changed), "{changed}");
+    std::fs::remove_file(&out).unwrap();
+}
+
+#[test]
+fn the_verb_says_what_is_wrong() {
+    let Some(shared) = support::shared("the_verb_says_what_is_wrong") else { return };
+    let duckie = shared.join("data/apriltag/duckie");
+    let picture = duckie.join("test_image_multiple_01.png");
+    let (picture, info) = (picture.to_str().unwrap(), duckie.join("test_info.yaml"));
+    let wrong_size = format!("{}#rotation_test", info.display());
+    let wrong_name = format!("{}#nobody", info.display());
+    let focal = ["--focal", "338,338,320,240"];
+    for (arguments, want) in [
+        (["/no/such.png", "--size", "0.1", focal[0], focal[1]], "/no/such.png"),
+        ([picture, "--size", "0", focal[0], focal[1]], "--size: must be above 0 metres, was 0"),
+        ([picture, "--size", "-1", focal[0], focal[1]], "must be above 0 metres, was -1"),
+        ([picture, "--size", "0.1", "--focal", "1,2,3"], "must be four numbers FX,FY,CX,CY"),
+        ([picture, "--size", "0.1", "--focal", "1,x,3,4"], "must be four numbers FX,FY,CX,CY"),
+        (
+            [picture, "--size", "0.1", "--camera", &wrong_size],
+            "1056 x 792: must be the picture's own size, 640 x 480",
+        ),
+        (
+            [picture, "--size", "0.1", "--camera", &wrong_name],
+            "camera = nobody: must be one of the file's: sample_test",
+        ),
+        ([picture, "--size", "0.1", "--camera", picture], "UTF-8"),
+    ] {
+        let mut all = vec!["tags"];
+        all.extend(arguments);
+        let (status, out, error) = halflight(&all);
+        assert_eq!((status, out.as_str()), (2, ""), "{arguments:?}");
+        assert!(error.contains(want), "{arguments:?}: {error}");
+    }
+    let (status, out, _) = halflight(&["tags", picture, "--size", "0.065", focal[0], focal[1]]);
+    assert_eq!(status, 0);
+    assert!(out.ends_with("6 tags\n"), "{out}");
+}

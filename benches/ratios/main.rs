@@ -1,7 +1,9 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
 
 mod merge_bracket;
+mod project_sh;
 
 fn main() {
     merge_bracket::run();
+    project_sh::run();
 }

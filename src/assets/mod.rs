@@ -8,5 +8,6 @@ pub mod gltf;
 pub mod normals;
 pub mod obj;
 pub mod pictures;
+pub mod response;
 pub mod scene;
 pub mod shapes;

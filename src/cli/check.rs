@@ -1,12 +1,39 @@
-//! `halflight check`
+//! `halflight check`: is a settings file sound?
 
 use super::{CliError, Common};
+use crate::config::{Settings, file, keys, resolve};
+use std::path::PathBuf;
 
-/// Arguments of `halflight check`.
+/// Check a settings file (or a scene file) and print every mistake at once.
+///
+/// Example: halflight check my.toml
 #[derive(clap::Args, Debug)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Settings file.
+    #[arg(required_unless_present = "manual")]
+    config: Option<PathBuf>,
+    /// Print every key with unit, range, effect and default.
+    #[arg(long)]
+    manual: bool,
+}
 
 /// Runs `halflight check`.
-pub fn run(_arguments: Arguments, _common: &Common) -> Result<(), CliError> {
-    Err(CliError::on("check", "this build lacks the verb"))
+pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    if arguments.manual {
+        print!("{}", keys::manual());
+    }
+    let Some(path) = arguments.config else { return Ok(()) };
+    let table = file::read(&path).map_err(CliError)?;
+    let typed = file::flatten(&table).len();
+    resolve(&path.display().to_string(), &table, &Settings::default())
+        .map_err(|e| CliError(e.to_string()))?;
+    if common.json {
+        println!(
+            "{}",
+            serde_json::json!({ "file": path.display().to_string(), "keys": typed, "sound": true })
+        );
+    } else {
+        println!("{}: sound, {typed} of {} keys set", path.display(), keys::KEYS.len());
+    }
+    Ok(())
 }

@@ -1,13 +1,19 @@
 //! What every verb shares: options, errors, the digest.
 
+use crate::config::{
+    self, Settings,
+    settings::{BackendKind, EngineKind},
+};
+use crate::daemon::engines;
+use crate::engine::Engine;
 use sha2::{Digest, Sha256};
 
 /// Options of every verb.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Common {
-    /// Which engine computes: the CPU twins, or the GPU.
-    #[arg(long, global = true, value_enum, default_value_t = EngineChoice::Cpu)]
-    pub engine: EngineChoice,
+    /// Which engine computes: the CPU twins (default), or the GPU.
+    #[arg(long, global = true, value_enum)]
+    pub engine: Option<EngineChoice>,
     /// Which GPU interface (default: Vulkan, else GL).
     #[arg(long, global = true, value_enum)]
     pub backend: Option<BackendChoice>,
@@ -75,5 +81,40 @@ impl PixelDigest {
     /// The digest so far, in hexadecimal.
     pub fn hex(self) -> String {
         self.0.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    }
+}
+
+impl Common {
+    /// A settings file over the defaults.
+    pub fn settings_from(&self, path: &std::path::Path) -> Result<Settings, CliError> {
+        let typed = config::file::read(path).map_err(CliError)?;
+        config::resolve(&path.display().to_string(), &typed, &Settings::default())
+            .map_err(|e| CliError(e.to_string()))
+    }
+
+    /// What was given on the command line, over `settings`.
+    pub fn apply(&self, settings: &mut Settings) {
+        match self.engine {
+            Some(EngineChoice::Cpu) => settings.engine = EngineKind::Cpu,
+            Some(EngineChoice::Gpu) => settings.engine = EngineKind::Gpu,
+            None => {}
+        }
+        match self.backend {
+            Some(BackendChoice::Vulkan) => settings.backend = BackendKind::Vulkan,
+            Some(BackendChoice::Gl) => settings.backend = BackendKind::Gl,
+            None => {}
+        }
+        if let Some(threads) = self.threads {
+            settings.threads = threads;
+        }
+        settings.cpu_kernels.extend(self.cpu.iter().cloned());
+    }
+
+    /// The engine that the command line asks for (the CPU where it does not say).
+    pub fn open_engine(&self) -> Result<Box<dyn Engine>, CliError> {
+        let mut settings = Settings::default();
+        self.apply(&mut settings);
+        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)
+            .map_err(|e| CliError(e.to_string()))
     }
 }

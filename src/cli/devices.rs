@@ -1,12 +1,50 @@
-//! `halflight devices`
+//! `halflight devices`: what is at hand?
 
 use super::{CliError, Common};
+use crate::engine::gpu::{Backend, GpuEngine};
+use crate::engine::{Engine, cpu::CpuEngine};
 
-/// Arguments of `halflight devices`.
+/// List the kinds of device that can be opened, and the engines with their adapters.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {}
 
 /// Runs `halflight devices`.
-pub fn run(_arguments: Arguments, _common: &Common) -> Result<(), CliError> {
-    Err(CliError::on("devices", "this build lacks the verb"))
+pub fn run(_arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    let cpu = CpuEngine::new(common.threads).map_err(|e| CliError(e.to_string()))?;
+    let mut engines = vec![("cpu", Ok(cpu.description()))];
+    for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
+        engines
+            .push((name, GpuEngine::new(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
+    }
+    if common.json {
+        let engines: Vec<_> = engines
+            .iter()
+            .map(|(name, found)| match found {
+                Ok(description) => {
+                    serde_json::json!({ "engine": name, "usable": true, "description": description })
+                }
+                Err(why) => serde_json::json!({ "engine": name, "usable": false, "why": why }),
+            })
+            .collect();
+        println!("{}", serde_json::json!({ "cameras": CAMERAS.map(|c| c.0), "engines": engines }));
+        return Ok(());
+    }
+    println!("cameras");
+    for (name, effect) in CAMERAS {
+        println!("  {name:<24}{effect}");
+    }
+    println!("engines");
+    for (name, found) in engines {
+        match found {
+            Ok(description) => println!("  {name:<24}{description}"),
+            Err(why) => println!("  {name:<24}not usable: {why}"),
+        }
+    }
+    Ok(())
 }
+
+/// What `device.camera` may name.
+const CAMERAS: [(&str, &str); 2] = [
+    ("synthetic:OPTIONS", "a virtual room with known truth, e.g. synthetic:frames=90,seed=1,size=640x480"),
+    ("replay:FILE.mcap", "a recording made by `halflight record` or `halflight synth`"),
+];

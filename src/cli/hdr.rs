@@ -3,9 +3,10 @@
 use super::{CliError, Common};
 use crate::{
     assets::pictures,
-    engine::{Bracket, Engine, cpu::CpuEngine},
+    engine::Bracket,
     hdr::{
         attribute::{ExposureCheck, Tolerance, Verdict, check_exposures},
+        black_level::{black_level, clip_black},
         merge_bracket::MAX_PICTURES,
         response::{Origin, SolveOptions, solve},
     },
@@ -52,6 +53,10 @@ pub struct Arguments {
     /// Weight of smoothness when solving, above 0.
     #[arg(long, value_name = "L", default_value_t = SolveOptions::default().lambda)]
     pub lambda: f64,
+    /// Keep the darkest values as they are. (Where they are the same in exposures far apart - film fog, stray light -
+    /// they would be taken for light, and are set to black.)
+    #[arg(long)]
+    pub keep_black: bool,
     /// Write the response that was used as JSON, to be given to --response again.
     #[arg(long, value_name = "FILE")]
     pub save_response: Option<PathBuf>,
@@ -61,17 +66,23 @@ pub struct Arguments {
 pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let format = arguments.out.as_deref().map(output_format).transpose()?;
     let (files, times_s) = pair_up(&arguments)?;
-    let loaded = files
+    let mut loaded = files
         .iter()
         .map(|file| pictures::load_rgb8(file).map_err(|e| CliError(e.to_string())))
         .collect::<Result<Vec<Rgb8Image>, _>>()?;
     check_sizes(&files, &loaded)?;
-    let loaded: Vec<&Rgb8Image> = loaded.iter().collect();
     let exposures: Vec<Exposure> = times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
-
+    // Fog at the dark end would be taken for light; where times are false, nothing can be said of it.
+    let plain = check_exposures(&refs(&loaded), &exposures, &Response::srgb(), Tolerance::GUESSED_RESPONSE);
+    let black =
+        if plain.sound() && !arguments.keep_black { black_level(&refs(&loaded), &exposures) } else { [0; 3] };
+    if black != [0; 3] {
+        loaded.iter_mut().for_each(|picture| *picture = clip_black(picture, black));
+    }
+    let loaded = refs(&loaded);
     let chosen = choose_response(&arguments, &loaded, &exposures)?;
     let check = check_exposures(&loaded, &exposures, &chosen.response, chosen.tolerance);
-    let mut engine = CpuEngine::new(common.threads).map_err(|e| CliError::on("--engine cpu", e))?;
+    let mut engine = common.open_engine()?;
     let mut merged = HdrImage::default();
     engine
         .merge_bracket(&Bracket { pictures: &loaded, exposures: &exposures }, &chosen.response, &mut merged)
@@ -86,12 +97,15 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         .map_err(|e| CliError(e.to_string()))?;
     }
     if let Some(file) = &arguments.save_response {
-        let json =
-            serde_json::json!({ "log_exposure_rgb": chosen.response.log_exposure().map(|g| g.to_vec()) });
-        std::fs::write(file, format!("{json}\n")).map_err(|e| CliError::on(file.display(), e))?;
+        let json = crate::assets::response::to_json(&chosen.response);
+        std::fs::write(file, json).map_err(|e| CliError::on(file.display(), e))?;
     }
-    report(&arguments, common, &files, &exposures, &chosen, &check, &merged, engine.description());
+    report(&arguments, common, &files, &exposures, &chosen, &check, black, &merged, engine.description());
     Ok(())
+}
+
+fn refs(pictures: &[Rgb8Image]) -> Vec<&Rgb8Image> {
+    pictures.iter().collect()
 }
 
 enum Format {
@@ -284,34 +298,8 @@ fn gamma22() -> Result<Response, CliError> {
 }
 
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    #[derive(serde::Deserialize)]
-    struct Table {
-        log_exposure_rgb: [Vec<f32>; 3],
-    }
-    let text = std::fs::read_to_string(file).map_err(|e| {
-        CliError(format!(
-            "--response = {}: must be solve, srgb, gamma2.2 or a JSON file ({e})",
-            file.display()
-        ))
-    })?;
-    let table: Table = serde_json::from_str(&text).map_err(|e| CliError::on(file.display(), e))?;
-    let mut log_exposure = [[0.0; 256]; 3];
-    for (channel, (to, from)) in log_exposure.iter_mut().zip(&table.log_exposure_rgb).enumerate() {
-        if from.len() != 256 {
-            return Err(CliError(format!(
-                "{}: log_exposure_rgb[{channel}] has {} values: must have 256",
-                file.display(),
-                from.len()
-            )));
-        }
-        to.copy_from_slice(from);
-    }
-    Response::new(log_exposure).ok_or_else(|| {
-        CliError::on(
-            file.display(),
-            "log_exposure_rgb: must be finite and never fall from one value to the next",
-        )
-    })
+    crate::assets::response::load(file)
+        .map_err(|e| CliError(format!("--response: {e} (else solve, srgb or gamma2.2)")))
 }
 
 /// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.
@@ -359,6 +347,7 @@ fn report(
     exposures: &[Exposure],
     chosen: &Chosen,
     check: &ExposureCheck,
+    black: [u8; 3],
     merged: &HdrImage,
     engine: String,
 ) {
@@ -401,7 +390,7 @@ fn report(
             "out": arguments.out, "engine": engine,
             "width_px": merged.radiance.width(), "height_px": merged.radiance.height(),
             "pictures": pictures,
-            "response": { "kind": chosen.kind, "why": chosen.why },
+            "black_level_rgb": black, "response": { "kind": chosen.kind, "why": chosen.why },
             "dynamic_range_stops": stops, "luminance_low": darkest, "luminance_high": brightest,
             "lower_bound_px": lower, "upper_bound_px": upper,
             "warnings": warnings, "digest": digest,
@@ -414,6 +403,9 @@ fn report(
     }
     println!("engine    {engine}");
     println!("response  {}: {}", chosen.kind, chosen.why);
+    if black != [0; 3] {
+        println!("black     values up to {black:?} (r, g, b) do not change with exposure and count as black");
+    }
     for ((file, exposure), report) in files.iter().zip(exposures).zip(check.reports()) {
         print!("  {:<32} {:>11.6} s  {}", file.display(), exposure.time_s, verdict_name(report.verdict));
         match report.against {

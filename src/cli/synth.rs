@@ -27,7 +27,7 @@ pub struct Arguments {
     #[arg(long, default_value = "640x480", value_name = "WxH")]
     size: String,
     /// Exposure times in seconds, used in turn: 1 to 9, divided by commas or colons.
-    #[arg(long, default_value = "1/3840,1/480,1/60", value_name = "T,..")]
+    #[arg(long, default_value = "1/4500,1/500,1/60", value_name = "T,..")]
     exposures: String,
     /// Frames a second.
     #[arg(long, default_value_t = 30.0)]

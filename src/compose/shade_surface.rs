@@ -24,19 +24,6 @@ pub fn ratio(light: &LightTerms, normal: Vec3, visibility: f32) -> [f32; 3] {
     })
 }
 
-/// Where a ray meets a real surface.
-#[derive(Clone, Copy, Debug)]
-pub struct SurfaceHit {
-    /// Metres along the ray.
-    pub distance_m: f32,
-    /// Unit shading normal on the seen side, world frame.
-    pub normal: Vec3,
-    /// Unit facet normal on the seen side, world frame.
-    pub facet_normal: Vec3,
-    /// Whether virtual shadows fall on it.
-    pub receives: bool,
-}
-
 /// Everything that the pixels of one frame share.
 pub struct SurfaceFrame<'a> {
     /// The light.
@@ -47,59 +34,21 @@ pub struct SurfaceFrame<'a> {
     pub map: &'a [f32],
     /// Taps a side of the filter.
     pub pcf_taps: u32,
-    /// Camera's position, world frame, metres.
-    pub eye: Vec3,
 }
 
-/// One pixel: the ratio where its ray (unit, world frame) meets a receiving surface inside of the shadow
-/// volume, else 1. `nearest(ray, longest_m)` finds the nearest real surface up to a distance; it is not asked
-/// where the ray misses the volume behind the casters that the map covers.
-pub fn pixel(
-    frame: &SurfaceFrame<'_>,
-    ray: Vec3,
-    nearest: impl Fn(Vec3, f32) -> Option<SurfaceHit>,
-) -> [f32; 3] {
-    const UNTOUCHED: [f32; 3] = [1.0; 3];
-    let Some((first_m, last_m)) = span_in_volume(frame.camera, frame.eye, ray) else { return UNTOUCHED };
-    let Some(hit) = nearest(ray, last_m) else { return UNTOUCHED };
-    if !hit.receives || hit.distance_m < first_m {
-        return UNTOUCHED;
-    }
+/// The ratio at a point of a receiving surface (world frame); `normal` and `facet_normal` are unit, on the seen
+/// side. A facet turned away from the light is in full shadow, a normal turned away gets no direct light and the
+/// ratio is 1 whatever the shadow.
+pub fn at(frame: &SurfaceFrame<'_>, point_world: Vec3, normal: Vec3, facet_normal: Vec3) -> [f32; 3] {
     let to_light = Vec3::from(frame.light.to_light_world);
-    if hit.normal.dot(to_light) <= 0.0 {
-        return UNTOUCHED; // The ratio is 1 whatever the shadow.
+    if normal.dot(to_light) <= 0.0 {
+        return [1.0; 3];
     }
-    let point = frame.eye + hit.distance_m * ray;
-    let cosine = hit.facet_normal.dot(to_light);
+    let cosine = facet_normal.dot(to_light);
     let visible = if cosine <= 0.0 {
         0.0
     } else {
-        shadow_maps::visibility(frame.map, frame.camera, frame.pcf_taps, point, cosine)
+        shadow_maps::visibility(frame.map, frame.camera, frame.pcf_taps, point_world, cosine)
     };
-    if visible >= 1.0 { UNTOUCHED } else { ratio(frame.light, hit.normal, visible) }
-}
-
-/// From where to where, in metres along a ray from `eye`, a shadow is possible: inside of the map's square and
-/// not nearer to the light than every caster. `None` where nowhere.
-pub fn span_in_volume(camera: &ShadowCamera, eye: Vec3, ray: Vec3) -> Option<(f32, f32)> {
-    let start = camera.map(eye);
-    let step = camera.map_direction(ray);
-    let side = camera.texels as f32;
-    let (mut first, mut last) = (0.0f32, f32::INFINITY);
-    for (s, d, low, high) in [
-        (start[0], step[0], 0.0, side),
-        (start[1], step[1], 0.0, side),
-        (start[2], step[2], 0.0, f32::INFINITY),
-    ] {
-        if d == 0.0 {
-            if s < low || s > high {
-                return None;
-            }
-            continue;
-        }
-        let (a, b) = ((low - s) / d, (high - s) / d);
-        first = first.max(a.min(b));
-        last = last.min(a.max(b));
-    }
-    (first <= last).then_some((first, last))
+    if visible >= 1.0 { [1.0; 3] } else { ratio(frame.light, normal, visible) }
 }

@@ -1,1 +1,10 @@
-//! (placeholder until this room is built)
+//! Layer 5: settings. As typed is not as meant: `file` reads, `resolve` checks all keys at once, `keys` is the
+//! one table of what there is.
+
+pub mod file;
+pub mod keys;
+pub mod resolve;
+pub mod settings;
+
+pub use resolve::{ConfigErrors, resolve};
+pub use settings::Settings;

@@ -1,1 +1,5 @@
-//! (placeholder until this room is built)
+//! Layer 5: wiring. From settings to a running pipeline.
+
+pub mod engines;
+pub mod picture_folder;
+pub mod run;

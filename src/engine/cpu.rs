@@ -4,14 +4,16 @@ use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput}
 use crate::compose::{
     composite,
     geometry::{ObjectGeometry, SurfaceGeometry},
-    raster::{Fragment, Raster, Rays, View},
+    raster::{self, Fragment, Projected, Rays, Sample, View},
     shade_object::{self, LightTerms, ObjectPoint},
-    shade_surface::{self, SurfaceFrame, SurfaceHit},
+    shade_surface::{self, SurfaceFrame},
     tonemap::ToneTable,
 };
-use crate::math::bvh::Bvh;
+use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
+use crate::math::sh::MAX_ORDER;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
+    light::RadianceSamples,
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -22,9 +24,6 @@ use crate::visibility::shadow_maps::{self, ShadowCamera, ShadowMap};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Real surfaces hide an object only if they are nearer by more than this share of the distance, so that
-/// what stands on a surface is not hidden by it.
-pub const CONTACT_SHARE: f32 = 1e-4;
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
 
@@ -32,6 +31,8 @@ const TIMINGS_KEPT: usize = 256;
 pub struct CpuEngine {
     pool: rayon::ThreadPool,
     work: Work,
+    unwrapper: BallUnwrapper,
+    samples: RadianceSamples,
     timings: Vec<PassTiming>,
 }
 
@@ -40,9 +41,10 @@ pub struct CpuEngine {
 pub(super) struct Work {
     pub(super) objects: ObjectGeometry,
     pub(super) surfaces: SurfaceGeometry,
-    bvh: Option<Bvh>,
     rays: Rays,
-    raster: Raster,
+    seen_objects: Projected,
+    seen_surfaces: Projected,
+    samples: Vec<Sample>,
     pub(super) shadow_map: ShadowMap,
     pub(super) object_layer: Image<[f32; 4]>,
     pub(super) ratio: RadianceImage,
@@ -60,7 +62,13 @@ impl CpuEngine {
             .thread_name(|i| format!("engine-{i}"))
             .build()
             .map_err(|e| EngineError::Input(format!("the engine's threads could not be started: {e}")))?;
-        Ok(Self { pool, work: Work::default(), timings: Vec::with_capacity(TIMINGS_KEPT) })
+        Ok(Self {
+            pool,
+            work: Work::default(),
+            unwrapper: BallUnwrapper::new(),
+            samples: RadianceSamples::default(),
+            timings: Vec::with_capacity(TIMINGS_KEPT),
+        })
     }
 }
 
@@ -90,10 +98,39 @@ impl Engine for CpuEngine {
 
     fn estimate_light(
         &mut self,
-        _job: &LightJob<'_>,
-        _quality: &Quality,
+        job: &LightJob<'_>,
+        quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        Err(EngineError::Input("reading the light is not built yet".into()))
+        if !(1..=MAX_ORDER).contains(&quality.sh_order) {
+            return Err(EngineError::Input(format!(
+                "quality.sh_order = {}: must be within 1..={MAX_ORDER}",
+                quality.sh_order
+            )));
+        }
+        let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
+        self.pool.install(|| {
+            let flags = match job {
+                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
+                    timed(timings, Pass::UnwrapBall, || {
+                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
+                    })
+                    .map_err(|e| EngineError::Input(e.to_string()))?
+                }
+                LightJob::Map(map) => {
+                    if !maps::fits(map) {
+                        return Err(EngineError::Input(format!(
+                            "environment picture of {} x {} texels does not fit its layout, {:?}",
+                            map.radiance.width(),
+                            map.radiance.height(),
+                            map.layout
+                        )));
+                    }
+                    maps::samples_of_map(map, samples)
+                }
+            };
+            let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
+            Ok(MeasuredLight { total, flags })
+        })
     }
 
     fn relight(
@@ -167,9 +204,6 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
-        let surfaces = &self.surfaces;
-        self.bvh =
-            (!surfaces.triangles.is_empty()).then(|| Bvh::build(&surfaces.positions, &surfaces.triangles));
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
@@ -236,11 +270,9 @@ impl Work {
         shadow: Option<&ShadowCamera>,
         quality: &Quality,
     ) {
-        self.rays.update(input.lens, quality.coverage_samples);
-        let (objects, bvh, map) = (&self.objects, self.bvh.as_ref(), self.shadow_map.depth());
-        let hidden = |ray: Vec3, distance_m: f32| {
-            bvh.is_some_and(|b| b.occluded(view.eye, ray, 0.0, distance_m * (1.0 - CONTACT_SHARE)))
-        };
+        self.project_surfaces(input, view, quality);
+        let (objects, map) = (&self.objects, self.shadow_map.depth());
+        self.seen_objects.prepare(&self.rays, view, &objects.positions, &objects.triangles);
         let shade = |fragment: &Fragment| {
             let point = object_point(objects, fragment, light, |p, cosine| {
                 shadow.map_or(1.0, |c| shadow_maps::visibility(map, c, quality.pcf_taps, p, cosine))
@@ -248,7 +280,15 @@ impl Work {
             let material = objects.material_of_triangle[fragment.triangle];
             shade_object::shade(light, &objects.materials[material as usize], &point)
         };
-        self.raster.draw(&self.rays, view, objects, hidden, shade, &mut self.object_layer);
+        raster::draw_objects(
+            &self.rays,
+            view,
+            &self.seen_objects,
+            &self.seen_surfaces,
+            shade,
+            &mut self.samples,
+            &mut self.object_layer,
+        );
     }
 
     pub(super) fn shade_surface(
@@ -259,24 +299,32 @@ impl Work {
         camera: &ShadowCamera,
         quality: &Quality,
     ) {
-        self.rays.update(input.lens, quality.coverage_samples);
-        let (width, height) = (self.rays.width(), self.rays.height());
-        self.ratio.reshape(width, height, [1.0; 3]);
-        let frame = SurfaceFrame {
-            light,
-            camera,
-            map: self.shadow_map.depth(),
-            pcf_taps: quality.pcf_taps,
-            eye: view.eye,
-        };
-        let (surfaces, bvh) = (&self.surfaces, self.bvh.as_ref());
-        let nearest = |ray: Vec3, longest_m: f32| surface_hit(surfaces, bvh?, view.eye, ray, longest_m);
-        let rows = self.ratio.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(self.rays.centres().par_chunks(width.max(1))).for_each(|(ratios, rays)| {
-            for (ratio, &ray) in ratios.iter_mut().zip(rays) {
-                *ratio = shade_surface::pixel(&frame, view.world_from_camera * ray, nearest);
+        self.project_surfaces(input, view, quality);
+        let frame = SurfaceFrame { light, camera, map: self.shadow_map.depth(), pcf_taps: quality.pcf_taps };
+        let surfaces = &self.surfaces;
+        let shade = |fragment: &Fragment| {
+            if !surfaces.receives[fragment.triangle] || !camera.covers(fragment.point_world) {
+                return [1.0; 3];
             }
-        });
+            let (normal, facet) = surface_normals(surfaces, fragment);
+            shade_surface::at(&frame, fragment.point_world, normal, facet)
+        };
+        raster::draw_surfaces(
+            &self.rays,
+            view,
+            &self.seen_surfaces,
+            [1.0; 3],
+            shade,
+            &mut self.samples,
+            &mut self.ratio,
+        );
+    }
+
+    /// Real surfaces through the lens. Each pass that needs them does so itself: passes do not lean on each other.
+    fn project_surfaces(&mut self, input: &RelightInput<'_>, view: &View, quality: &Quality) {
+        self.rays.update(input.lens, quality.coverage_samples);
+        let surfaces = &self.surfaces;
+        self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
     }
 
     pub(super) fn composite(
@@ -346,28 +394,12 @@ fn object_point(
     ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness, visibility }
 }
 
-/// The nearest real surface along a ray, its normals turned to the seen side.
-fn surface_hit(
-    surfaces: &SurfaceGeometry,
-    bvh: &Bvh,
-    eye: Vec3,
-    ray: Vec3,
-    longest_m: f32,
-) -> Option<SurfaceHit> {
-    if ray == Vec3::ZERO {
-        return None;
-    }
-    let hit = bvh.intersect(eye, ray, 0.0, longest_m)?;
-    let triangle = hit.triangle as usize;
-    let corners = surfaces.triangles[triangle];
-    let facet = surfaces.facet_normals[triangle];
-    let side = if facet.dot(ray) > 0.0 { -1.0 } else { 1.0 };
-    let normal: Vec3 =
-        corners.iter().zip(hit.barycentric).map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
-    Some(SurfaceHit {
-        distance_m: hit.t,
-        normal: side * normal.normalize_or(facet),
-        facet_normal: side * facet,
-        receives: surfaces.receives[triangle],
-    })
+/// Shading and facet normal of a real surface at a fragment, on the seen side.
+fn surface_normals(surfaces: &SurfaceGeometry, fragment: &Fragment) -> (Vec3, Vec3) {
+    let facet = surfaces.facet_normals[fragment.triangle];
+    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
+    let corners = surfaces.triangles[fragment.triangle];
+    let weighted = corners.iter().zip(fragment.barycentric);
+    let normal: Vec3 = weighted.map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
+    (side * normal.normalize_or(facet), side * facet)
 }

@@ -1,6 +1,7 @@
 //! From exposures to linear radiance [DM97].
 
 pub mod attribute;
+pub mod black_level;
 pub mod merge_bracket;
 mod reflected_point;
 pub mod register;

@@ -34,7 +34,7 @@ pub struct SolveOptions {
 
 impl Default for SolveOptions {
     fn default() -> Self {
-        Self { lambda: 20.0, log_exposure_at_128: [0.0; 3], most_equations: 1200 }
+        Self { lambda: 20.0, log_exposure_at_128: [0.0; 3], most_equations: 2400 }
     }
 }
 

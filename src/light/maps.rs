@@ -8,7 +8,7 @@
 //! * `Cube`: each face is where its name says, laid out as in `sphere::cube_direction`. Files of programs that
 //!   take y for up want [`MapAxes::YUp`].
 
-use crate::math::sphere;
+use crate::math::{charts, sphere};
 use crate::model::{
     estimate::LightFlags,
     image::{NOT_FINITE, RadianceImage},
@@ -51,6 +51,17 @@ impl MapAxes {
     }
 }
 
+/// Which point of an angular map's texel stands for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TexelPoint {
+    /// Its centre: right for probes whose disc is centred in the picture, as the real ones' is.
+    #[default]
+    Centre,
+    /// Its upper left corner, as the program behind the published coefficients of Debevec's probes reads them: half a
+    /// texel off, 0.3 % of L_00 at 640 texels.
+    Corner,
+}
+
 /// Whether a picture has the shape that its layout asks for: any for `Equirect`, square for `Angular`, six squares
 /// one under the other for `Cube`; never empty.
 pub fn fits(map: &EnvironmentMap) -> bool {
@@ -81,35 +92,55 @@ pub fn samples_of_map(map: &EnvironmentMap, out: &mut RadianceSamples) -> LightF
     }
     let (width, height) = (map.radiance.width(), map.radiance.height());
     match map.layout {
-        MapLayout::Equirect => fill(map, out, |column, row| {
+        MapLayout::Equirect => fill(&map.radiance, out, |column, row| {
             let (u, v) = ((column as f64 + 0.5) / width as f64, (row as f64 + 0.5) / height as f64);
             (sphere::equirect_direction(u, v), sphere::equirect_row_solid_angle(width, height, row))
         }),
-        MapLayout::Cube => fill(map, out, |column, row| {
+        MapLayout::Cube => fill(&map.radiance, out, |column, row| {
             let (face, row) = (row / width, row % width);
             let direction = sphere::cube_direction(face, centre(column, width), centre(row, width));
             (direction, sphere::cube_texel_solid_angle(width, column, row))
         }),
-        MapLayout::Angular => {
-            let sum: f64 = (0..width * width)
-                .map(|t| sphere::angular_texel_solid_angle(width, t % width, t / width))
-                .sum();
-            let scale = 4.0 * PI / sum;
-            fill(map, out, |column, row| {
-                // v of the formula points up in the picture; its axes (right, up, forward) become ours.
-                let outside = (DVec3::ZERO, 0.0);
-                sphere::angular_direction(centre(column, width), -centre(row, width)).map_or(outside, |d| {
-                    let omega = scale * sphere::angular_texel_solid_angle(width, column, row);
-                    (DVec3::new(d.z, -d.x, d.y), omega)
-                })
-            });
-            keep_inside(out);
-        }
+        MapLayout::Angular => return samples_of_angular_map(&map.radiance, TexelPoint::Centre, out),
     }
+    flags_of(out)
+}
+
+/// [`samples_of_map`] for an angular map (square) whose texels are read at the point given.
+pub fn samples_of_angular_map(
+    radiance: &RadianceImage,
+    point: TexelPoint,
+    out: &mut RadianceSamples,
+) -> LightFlags {
+    out.directions.clear();
+    out.radiance.clear();
+    let width = radiance.width();
+    if width == 0 || radiance.height() != width {
+        return LightFlags::default();
+    }
+    let place = |k: usize| match point {
+        TexelPoint::Centre => centre(k, width),
+        TexelPoint::Corner => (2 * k) as f64 / width as f64 - 1.0,
+    };
+    let omega =
+        |column, row| charts::angular_jacobian(place(column), place(row)) * (2.0 / width as f64).powi(2);
+    let sum: f64 = (0..width * width).map(|t| omega(t % width, t / width)).sum();
+    let scale = 4.0 * PI / sum;
+    fill(radiance, out, |column, row| {
+        // v of the formula points up in the picture; its axes (right, up, forward) become ours.
+        let outside = (DVec3::ZERO, 0.0);
+        sphere::angular_direction(place(column), -place(row))
+            .map_or(outside, |d| (DVec3::new(d.z, -d.x, d.y), scale * omega(column, row)))
+    });
+    keep_inside(out);
+    flags_of(out)
+}
+
+fn flags_of(samples: &RadianceSamples) -> LightFlags {
     let bad = |sample: &&[f32; 4]| sample[3] != 0.0;
     LightFlags {
-        not_finite_texels: out.radiance.iter().filter(bad).count() as u32,
-        texels: out.radiance.len() as u32,
+        not_finite_texels: samples.radiance.iter().filter(bad).count() as u32,
+        texels: samples.radiance.len() as u32,
         ..LightFlags::default()
     }
 }
@@ -128,12 +159,12 @@ fn centre(k: usize, width: usize) -> f64 {
 }
 
 fn fill(
-    map: &EnvironmentMap,
+    picture: &RadianceImage,
     out: &mut RadianceSamples,
     look: impl Fn(usize, usize) -> (DVec3, f64) + Send + Sync,
 ) {
-    let width = map.radiance.width();
-    let texels = map.radiance.pixels();
+    let width = picture.width();
+    let texels = picture.pixels();
     out.directions.resize(texels.len(), [0.0; 4]);
     out.radiance.resize(texels.len(), [0.0; 4]);
     let rows = out.directions.par_chunks_mut(width).zip(out.radiance.par_chunks_mut(width));

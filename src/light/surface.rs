@@ -18,8 +18,9 @@ use rayon::prelude::*;
 
 /// The picture is read in square blocks, about this many in all.
 const BLOCKS: f64 = 5400.0;
-/// The surface is read up to this many radii from the ball's centre.
-const REACH_RADII: f64 = 12.0;
+/// The surface is read up to this many radii from the point below the ball's centre: far enough for the shadow of a
+/// light 12 degrees high, near enough to stay on a small table or stool.
+const REACH_RADII: f64 = 5.0;
 /// Fewer blocks than this are no surface.
 const FEWEST_POINTS: usize = 32;
 /// Parts of the upper half sphere: rows of the whole sphere, and columns.
@@ -32,7 +33,7 @@ const RELATIVE_NOISE: f64 = 0.02;
 /// A saturated light counts when its shadow stands out by this many standard deviations: more than the usual three,
 /// since what is left after a fit is not only noise.
 const SIGNIFICANCE: f64 = 10.0;
-/// Rounds of reweighting: the weights stand still to 1e-3 after eight.
+/// Most rounds of reweighting; about six until the solution stands still to 1e-5.
 const ROUNDS: usize = 12;
 /// Most rounds in which the spread of a saturated light is sharpened.
 const SHARPEN_ROUNDS: usize = 100;
@@ -98,7 +99,6 @@ pub struct SurfaceFit {
     /// For each point: V_k in one channel.
     lit: Vec<[f64; MOST_LIGHTS]>,
     weights: Vec<f64>,
-    residuals: Vec<f64>,
     order: Vec<f64>,
     in_shadow: Vec<u32>,
     shade: Vec<f64>,
@@ -138,7 +138,7 @@ impl SurfaceFit {
                 }
                 let offset = ball.centre_world - (eye + ray * distance);
                 let length = offset.length();
-                if length > REACH_RADII * ball.radius_m || length <= ball.radius_m {
+                if offset.truncate().length() > REACH_RADII * ball.radius_m || length <= ball.radius_m {
                     continue;
                 }
                 let Some(radiance) = block_mean(picture, x, y, side) else { continue };
@@ -168,11 +168,12 @@ impl SurfaceFit {
             .known
             .iter()
             .fold([0.0; 3], |sum: [f64; 3], (_, _, e)| std::array::from_fn(|c| sum[c] + f64::from(e[c])));
+        let widest = self.known.iter().fold(1e-3, |widest: f32, (_, radius, _)| widest.max(*radius));
         let (points, known) = (&self.points, &self.known);
         points
             .par_iter()
             .with_min_len(64)
-            .map(|point| irradiance_at(point, known))
+            .map(|point| irradiance_at(point, known, widest, &total))
             .collect_into_vec(&mut self.irradiance);
         self.find_hidden(clipped);
         let mut solutions = self.fit_channels(clipped)?;
@@ -250,14 +251,21 @@ impl SurfaceFit {
         }));
         let mut active: [bool; MOST_LIGHTS] = std::array::from_fn(|k| whole[k] > 0.0);
         loop {
-            let (solution, deviation) = self.reweighted(channel, &active)?;
+            let fitted = self.reweighted(channel, &active);
+            let sound = fitted.filter(|(solution, _)| solution.reflection > 0.0);
+            let Some((solution, deviation)) = sound else {
+                // Lights whose shadow is nowhere in the picture cannot be told from the rest: leave one out.
+                let last = active.iter().rposition(|a| *a)?;
+                active[last] = false;
+                continue;
+            };
             let faintest = (0..MOST_LIGHTS)
                 .filter(|k| active[*k])
                 .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match faintest {
                 Some((k, significance)) if significance < SIGNIFICANCE => active[k] = false,
-                _ => return (solution.reflection > 0.0).then_some(solution),
+                _ => return Some(solution),
             }
         }
     }
@@ -268,52 +276,57 @@ impl SurfaceFit {
         channel: usize,
         active: &[bool; MOST_LIGHTS],
     ) -> Option<(Solution, [f64; MOST_LIGHTS])> {
-        let points = self.points.len();
         self.order.clear();
         self.order.extend(self.points.iter().map(|p| p.radiance[channel]));
         let typical = median(&mut self.order);
         self.weights.clear();
-        self.weights.resize(points, 1.0);
-        self.residuals.resize(points, 0.0);
+        self.weights.resize(self.points.len(), 1.0);
         let mut x = [0.0; UNKNOWNS];
         let mut solution = Solution::default();
         let mut normal = [[0.0; UNKNOWNS]; UNKNOWNS];
+        // Unknowns that are fitted; one that is left out stands for itself in the normal equations.
+        let lights = active.iter().rposition(|a| *a).map_or(0, |last| last + 1);
         for round in 0..ROUNDS {
             normal = [[0.0; UNKNOWNS]; UNKNOWNS];
             let mut right = [0.0; UNKNOWNS];
-            for p in 0..points {
+            for (p, point) in self.points.iter().enumerate() {
                 let row = self.row(p, channel, active);
-                let doubt = Self::doubt(&row, &x, typical, round);
-                let weight = self.weights[p] / (doubt * doubt);
-                for i in 0..UNKNOWNS {
+                let (_, variance) = predict(&row, &x, lights, typical, round == 0);
+                let weight = self.weights[p] / variance;
+                for i in 0..=lights {
+                    let weighted = weight * row[i];
                     for j in 0..=i {
-                        normal[i][j] += weight * row[i] * row[j];
+                        normal[i][j] += weighted * row[j];
                     }
-                    right[i] += weight * row[i] * self.points[p].radiance[channel];
+                    right[i] += weighted * point.radiance[channel];
                 }
             }
             for i in 0..UNKNOWNS {
                 for j in 0..i {
                     normal[j][i] = normal[i][j];
                 }
-                // An unknown that is left out stands for itself.
                 if i > 0 && !active[i - 1] {
                     normal[i][i] = 1.0;
                 }
             }
+            let before = x;
             x = solve_positive(&normal, right)?;
             self.order.clear();
-            for p in 0..points {
+            for (p, point) in self.points.iter().enumerate() {
                 let row = self.row(p, channel, active);
-                let doubt = Self::doubt(&row, &x, typical, round + 1);
-                let fitted: f64 = row.iter().zip(&x).map(|(r, x)| r * x).sum();
-                self.residuals[p] = (self.points[p].radiance[channel] - fitted) / doubt;
-                self.order.push(self.residuals[p].abs());
+                let (fitted, variance) = predict(&row, &x, lights, typical, false);
+                let residual = (point.radiance[channel] - fitted).abs() / variance.sqrt();
+                self.weights[p] = residual;
+                self.order.push(residual);
             }
             // 1.4826: the median of |r| of a normal distribution is 0.6745 sigma.
             solution.noise = (1.4826 * median(&mut self.order)).max(1e-6);
-            for (weight, residual) in self.weights.iter_mut().zip(&self.residuals) {
-                *weight = 1.0 / (1.0 + (residual / (2.0 * solution.noise)).powi(2));
+            for weight in &mut self.weights {
+                let outlying = *weight / (2.0 * solution.noise);
+                *weight = 1.0 / (1.0 + outlying * outlying);
+            }
+            if (0..UNKNOWNS).all(|i| (x[i] - before[i]).abs() <= 1e-5 * x[i].abs()) {
+                break;
             }
         }
         solution.reflection = x[0];
@@ -338,18 +351,6 @@ impl SurfaceFit {
             }
         }
         row
-    }
-
-    /// Standard deviation to reckon with at a point: relative noise, and the full doubt of a half shadow.
-    fn doubt(row: &[f64; UNKNOWNS], x: &[f64; UNKNOWNS], typical: f64, round: usize) -> f64 {
-        let fitted: f64 = row.iter().zip(x).map(|(r, x)| r * x).sum();
-        let level = if round == 0 { typical } else { fitted.max(0.01 * typical) };
-        let mut variance = (RELATIVE_NOISE * level).powi(2);
-        for k in 1..UNKNOWNS {
-            let strength = if round == 0 { typical } else { x[k] };
-            variance += strength * strength * row[k] * (1.0 - row[k]);
-        }
-        variance.max(f64::MIN_POSITIVE).sqrt()
     }
 
     /// Richardson-Lucy on the shadows, in gray: moves each light's missing radiance among its cells towards where the
@@ -437,13 +438,41 @@ impl SurfaceFit {
     }
 }
 
-/// Irradiance of the discs on the surface at a point, the ball in the way.
-fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)]) -> [f64; 3] {
-    let mut sum = Vec3::ZERO;
-    for (direction, radius, irradiance) in known {
-        sum += *irradiance * point.visible(*direction, *radius);
+/// A point's radiance by the fit so far, and the variance to reckon with there: relative noise, and the full doubt of a
+/// half shadow. At the `start` there is no fit yet: then all is as bright as is `typical`.
+fn predict(
+    row: &[f64; UNKNOWNS],
+    x: &[f64; UNKNOWNS],
+    lights: usize,
+    typical: f64,
+    start: bool,
+) -> (f64, f64) {
+    let mut fitted = 0.0;
+    let mut doubt = 0.0;
+    for i in 0..=lights {
+        fitted += row[i] * x[i];
+        if i > 0 {
+            let strength = if start { typical } else { x[i] };
+            doubt += strength * strength * row[i] * (1.0 - row[i]);
+        }
     }
-    sum.to_array().map(f64::from)
+    let level = if start { typical } else { fitted.max(0.01 * typical) };
+    let noise = RELATIVE_NOISE * level;
+    (fitted, (noise * noise + doubt).max(f64::MIN_POSITIVE))
+}
+
+/// Irradiance of the discs on the surface at a point, the ball in the way: all of it less what is hidden (of most
+/// discs nothing is, which one comparison tells).
+fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)], widest_rad: f32, total: &[f64; 3]) -> [f64; 3] {
+    let widest = 2.0 * widest_rad;
+    let near = point.ball_cos - 0.5 * widest * point.ball_sin.max(0.5 * widest);
+    let mut hidden = Vec3::ZERO;
+    for (direction, radius, irradiance) in known {
+        if direction.dot(point.to_ball) > near {
+            hidden += *irradiance * (1.0 - point.visible(*direction, *radius));
+        }
+    }
+    std::array::from_fn(|c| total[c] - f64::from(hidden[c]))
 }
 
 /// Mean radiance of a block; `None` where a pixel of it is saturated or was not finite.

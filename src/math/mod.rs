@@ -3,6 +3,7 @@
 pub mod bvh;
 pub mod charts;
 pub mod color;
+pub mod edit_distance;
 pub mod lens;
 pub mod pose;
 pub mod quadrature;

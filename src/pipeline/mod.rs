@@ -1,3 +1,187 @@
-//! Layer 4: events in order of time; threads live here and nowhere else.
+//! Layer 4: the order of the stages for each frame, and the threads. What feeds it (lockstep or as time passes) and
+//! what takes its pictures stand outside.
 
+pub mod event;
+pub mod feed;
+pub mod frame;
+pub mod lighting;
+pub mod policy;
+pub mod presenting;
 pub mod tracking;
+
+use crate::device::{Clock, DeviceError};
+use crate::engine::{Engine, EngineError};
+use crate::model::{
+    frame::{Exposure, RawFrame},
+    picture::Picture,
+    quality::Quality,
+    response::Response,
+    rig::Rig,
+    scene::Scene,
+};
+use crate::plan::PassTiming;
+use frame::{FrameOutcome, Shown, Stage};
+use lighting::Lighting;
+use presenting::Presenting;
+use tracking::{Tracker, TrackingError};
+
+/// Why the pipeline could not start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// A device failed for good.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// Tracking failed for good.
+    #[error(transparent)]
+    Tracking(#[from] TrackingError),
+    /// Settings do not fit together; names the key.
+    #[error("{0}")]
+    Setup(String),
+    /// A result could not be written; names the file.
+    #[error("{0}")]
+    Output(String),
+}
+
+/// What the settings mean for the pipeline.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Accuracy settings of every frame.
+    pub quality: Quality,
+    /// Anisotropy below which no direction dominates.
+    pub light_threshold: f32,
+    /// Gray by Rec. 709 weights in place of 0.3, 0.59, 0.11.
+    pub rec709: bool,
+    /// Time constant of the light's filter, seconds; 0 = none.
+    pub filter_tau_s: f64,
+    /// Whether the ball stands on the surface z = 0.
+    pub ball_on_surface: bool,
+    /// Different exposures that the camera goes through.
+    pub exposures_in_cycle: usize,
+    /// Exposure of the shown picture; `None`: the one of the cycle that exposes the place best.
+    pub shown_exposure: Option<Exposure>,
+    /// Tags are searched in a picture reduced by this.
+    pub decimate: f32,
+    /// Blur before tags are searched, pixels.
+    pub quad_sigma_px: f32,
+}
+
+/// One camera's way from frame to picture.
+pub struct Pipeline {
+    engine: Box<dyn Engine>,
+    watch: Box<dyn Clock>,
+    rig: Rig,
+    response: Response,
+    options: Options,
+    tracker: Tracker,
+    lighting: Lighting,
+    presenting: Presenting,
+    newest_passes: Vec<PassTiming>,
+    passes: Vec<PassTiming>,
+    frames_done: u64,
+}
+
+impl Pipeline {
+    /// Takes the engine (scene loaded), a clock for timings, and what is known of the rig.
+    pub fn new(
+        engine: Box<dyn Engine>,
+        watch: Box<dyn Clock>,
+        rig: Rig,
+        response: Response,
+        scene: Scene,
+        options: Options,
+    ) -> Result<Self, PipelineError> {
+        let mut tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
+        tracker.set_response(&response);
+        let lighting = Lighting::new(&rig, &options);
+        let presenting = Presenting::new(scene, &options);
+        Ok(Self {
+            engine,
+            watch,
+            rig,
+            response,
+            options,
+            tracker,
+            lighting,
+            presenting,
+            newest_passes: Vec::new(),
+            passes: Vec::new(),
+            frames_done: 0,
+        })
+    }
+
+    /// One frame, all stages. Errors of the engine in the light or in the drawing degrade the picture and are logged;
+    /// only a frame that does not fit the rig is an error.
+    pub fn frame(&mut self, frame: &RawFrame) -> Result<FrameOutcome, PipelineError> {
+        let lens = &self.rig.lens;
+        self.presenting.see(frame);
+        let mut stage_ms = [0.0f32; Stage::ALL.len()];
+        let start = self.watch.now();
+        let pose = self.tracker.track(frame)?;
+        let tracked = self.watch.now();
+        let registered = self.lighting.gather(
+            frame,
+            pose.as_ref(),
+            self.engine.as_mut(),
+            &self.response,
+            self.watch.as_ref(),
+        )?;
+        let merged = self.watch.now();
+        let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
+        let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
+        let lit = self.watch.now();
+        let obstacle = policy::obstacle(pose.as_ref(), light.as_ref());
+        let shown = match (obstacle, &pose, &light) {
+            (None, Some(pose), Some(light)) => self.presenting.relit(
+                self.engine.as_mut(),
+                self.lighting.picture(),
+                lens,
+                &pose.world_from_camera,
+                &light.split,
+                &self.response,
+                frame.t_mid,
+            ),
+            _ => Err(obstacle.unwrap_or("nothing to draw with")),
+        };
+        let shown = match shown {
+            Ok(()) => Shown::Relit,
+            Err(why) => {
+                self.presenting.passed_through(
+                    self.engine.as_mut(),
+                    self.lighting.picture(),
+                    lens,
+                    &self.response,
+                    frame,
+                );
+                Shown::PassedThrough(why)
+            }
+        };
+        let done = self.watch.now();
+        for (slot, (to, from)) in stage_ms.iter_mut().zip([
+            (tracked, start),
+            (registered, tracked),
+            (merged, registered),
+            (lit, merged),
+            (done, lit),
+            (done, start),
+        ]) {
+            *slot = (to.seconds_since(from) * 1e3) as f32;
+        }
+        self.engine.take_timings(&mut self.newest_passes);
+        self.passes.append(&mut self.newest_passes);
+        self.frames_done += 1;
+        Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms })
+    }
+
+    /// The last picture.
+    pub fn picture(&self) -> &Picture {
+        self.presenting.picture()
+    }
+
+    /// Times of all passes so far, taken away.
+    pub fn take_passes(&mut self) -> Vec<PassTiming> {
+        std::mem::take(&mut self.passes)
+    }
+}

@@ -89,9 +89,11 @@ impl ShadowCamera {
         self.rows.map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3])
     }
 
-    /// Column, row and depth gained for each metre along a direction in the world frame.
-    pub fn map_direction(&self, d: Vec3) -> [f32; 3] {
-        self.rows.map(|r| r[0] * d.x + r[1] * d.y + r[2] * d.z)
+    /// Whether the map says anything about a point: elsewhere nothing blocks the light.
+    pub fn covers(&self, p: Vec3) -> bool {
+        let [x, y, depth] = self.map(p);
+        let side = self.texels as f32;
+        x > 0.0 && x < side && y > 0.0 && y < side && depth > 0.0
     }
 }
 
@@ -144,16 +146,15 @@ pub fn lit(map: &[f32], texels: u32, taps: u32, x: f32, y: f32, depth: f32) -> f
     for j in 0..=side {
         let row = top + j as i32;
         let weight_y = tap_weight(j, side, fy);
+        let row_within = row >= 0 && row < texels as i32;
         for i in 0..=side {
             let column = left + i as i32;
-            let within = column >= 0 && row >= 0 && column < texels as i32 && row < texels as i32;
+            let within = row_within && column >= 0 && column < texels as i32;
             let stored =
                 if within { map[row as usize * texels as usize + column as usize] } else { EMPTY_DEPTH };
             let weight = tap_weight(i, side, fx) * weight_y;
             all += weight;
-            if reference <= stored {
-                sum += weight;
-            }
+            sum += if reference <= stored { weight } else { 0.0 };
         }
     }
     sum / all // Exactly 0 or 1 where all taps agree.
@@ -349,7 +350,8 @@ mod tests {
                 assert!(depth > 0.0 && depth < 1.0, "{w}: depth {depth}");
             }
             // A metre towards the light is a metre less of depth and no step aside.
-            let step = camera.map_direction(w.normalize());
+            let (there, here) = (camera.map(w.normalize()), camera.map(Vec3::ZERO));
+            let step: [f32; 3] = std::array::from_fn(|a| there[a] - here[a]);
             assert!(step[0].abs() < 1e-3 && step[1].abs() < 1e-3, "{w}: {step:?}");
             assert!((step[2] * camera.depth_m + 1.0).abs() < 1e-5, "{w}: {step:?}");
             // The longest extent fills the map up to one rung of the ladder of texel sizes.

@@ -27,7 +27,7 @@ impl ProfilePoint {
 }
 
 /// Turns a profile about the z axis. The profile runs from bottom to top with the outside to its right (starting
-/// and ending on the axis gives a closed surface). Between edges the points are joined by a centripetal-free
+/// and ending on the axis gives a closed surface). Between edges the points are joined by a
 /// cubic (Catmull-Rom, ends extended straight) in `steps` pieces each; two points between edges give a straight line.
 pub fn lathe(profile: &[ProfilePoint], segments: u32, steps: u32) -> Mesh {
     let steps = steps.clamp(1, 64);
@@ -92,7 +92,7 @@ pub fn pawn(height: f64, segments: u32) -> Mesh {
         P::sharp(0.0, 0.0),
         P::sharp(0.305, 0.0),
         P::smooth(0.325, 0.03),
-        P::smooth(0.318, 0.075),
+        P::smooth(0.319, 0.075),
         P::sharp(0.285, 0.10),
         P::smooth(0.275, 0.13),
         P::smooth(0.245, 0.17),

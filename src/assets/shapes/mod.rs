@@ -222,13 +222,13 @@ pub fn merged(meshes: &[Mesh]) -> Mesh {
 /// The demonstration's still life in one mesh, standing on z = 0: a pawn of the given height with a ring that
 /// leans against it. Its shadow has a straight part, a round one and a hole.
 pub fn pawn_with_ring(height: f64) -> Mesh {
-    let (ring_radius, wire_radius) = (0.30 * height, 0.045 * height);
-    let lean = 0.42f64;
-    // The ring stands on the table and leans towards the pawn, its plane tilted about the y axis.
+    let (ring_radius, wire_radius) = (0.31 * height, 0.045 * height);
+    let lean = 0.25f64;
+    // The ring stands on the table and leans on the rim of the pawn's collar, 0.195 wide at 0.65 of the height.
     let ring = torus(ring_radius, wire_radius, 72, 24);
     let rotation = DQuat::from_rotation_y(TAU / 4.0 - lean);
-    let reach = (ring_radius * lean.cos(), ring_radius * lean.sin());
-    let foot = DVec3::new(0.325 * height + wire_radius + reach.1, 0.0, reach.0 + wire_radius);
+    let top_x = 0.202 * height + wire_radius;
+    let foot = DVec3::new(top_x + ring_radius * lean.sin(), 0.0, ring_radius * lean.cos() + wire_radius);
     let place = Affine3A::from_rotation_translation(rotation.as_quat(), foot.as_vec3());
     merged(&[pawn(height, 64), transformed(&ring, &place)])
 }

@@ -6,12 +6,11 @@ use crate::assets::{
 };
 use crate::cli::CliError;
 use crate::light::{
-    project_sh,
+    maps, project_sh,
     split::{self, SplitOptions},
 };
-use crate::math::{bvh::Bvh, sphere};
+use crate::math::bvh::Bvh;
 use crate::model::{
-    image::RadianceImage,
     light::{DirectionalLight, EnvironmentMap, MapLayout, RadianceSamples, RadianceSh, SplitLight},
     scene::Scene,
 };
@@ -75,7 +74,7 @@ fn source(kind: &EmitterKind) -> Result<Source, CliError> {
             let radiance = pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr.radiance;
             let map = EnvironmentMap { layout: MapLayout::Equirect, radiance };
             let mut samples = RadianceSamples::default();
-            samples_of_equirect(&map.radiance, &mut samples);
+            maps::samples_of_map(&map, &mut samples);
             Source::Environment(samples, map)
         }
         EmitterKind::Directional { to_light_world, irradiance_rgb } => {
@@ -91,20 +90,6 @@ fn source(kind: &EmitterKind) -> Result<Source, CliError> {
             patch(*centre, side * *radius, normal.cross(side) * *radius, true, *radiance_rgb)
         }
     })
-}
-
-/// One sample for each texel of an equirectangular picture, with its exact solid angle.
-fn samples_of_equirect(map: &RadianceImage, out: &mut RadianceSamples) {
-    let (width, height) = (map.width(), map.height());
-    for y in 0..height {
-        let solid_angle_sr = sphere::equirect_row_solid_angle(width, height, y);
-        for (x, &[r, g, b]) in map.row(y).iter().enumerate() {
-            let (u, v) = ((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
-            let d = sphere::equirect_direction(u, v).as_vec3();
-            out.directions.push([d.x, d.y, d.z, solid_angle_sr as f32]);
-            out.radiance.push([r, g, b, 0.0]);
-        }
-    }
 }
 
 fn patch(centre: DVec3, half_u: DVec3, half_v: DVec3, disc: bool, radiance_rgb: [f64; 3]) -> Source {

@@ -3,19 +3,24 @@
 mod background;
 mod case_light;
 mod compare;
+mod scene_still;
 mod still;
 
 pub use compare::{Comparison, MaskError, ShadowError, compare};
+pub use scene_still::of_scene;
 pub use still::{Drawn, Quantity, Still, default_image, of_case};
 
 use super::{CliError, Common};
-use crate::assets::{case, pictures};
+use crate::assets::{case, pictures, scene};
 use crate::engine::Engine;
 use crate::math::lens::Lens;
 use crate::model::quality::Quality;
 use std::path::{Path, PathBuf};
 
 /// Draw one still of a scene file or of a reference case.
+///
+/// Of a scene file (its head says what it may hold) the camera's pictures are merged and are the background, shown
+/// at the first picture's exposure; the light is read from the ball's pictures, from an environment, or as stated.
 ///
 /// Of a case (a JSON file or its folder) the receivers are shaded without the objects, from the case's own
 /// emitters: Lambert, exact irradiance, no interreflection. That picture stands for the camera's, and the
@@ -78,10 +83,17 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         pcf_taps: arguments.pcf_taps,
         ..Quality::default()
     };
-    let mut engine = open_engine(common)?;
+    let mut engine = common.open_engine()?;
+    let mut notes = Vec::new();
     let is_scene = arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let (still, case) = if is_scene {
-        return Err(CliError::on(arguments.input.display(), "scene files are not read yet"));
+        if arguments.image.is_some() || arguments.width_px.is_some() {
+            return Err(CliError(
+                "--image, --width-px: belong to reference cases, not to scene files".into(),
+            ));
+        }
+        let file = scene::load(&arguments.input).map_err(|e| CliError(e.to_string()))?;
+        (scene_still::of_scene(&file, engine.as_mut(), &quality, &mut notes)?, None)
     } else {
         let mut case = case::load(&arguments.input).map_err(|e| CliError(e.to_string()))?;
         if let Some(width_px) = arguments.width_px {
@@ -109,7 +121,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         }
         _ => None,
     };
-    report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref());
+    report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref(), &notes);
     Ok(())
 }
 
@@ -137,21 +149,13 @@ fn output_format(out: &Path) -> Result<Format, CliError> {
     }
 }
 
-fn open_engine(common: &Common) -> Result<Box<dyn Engine>, CliError> {
-    match common.engine {
-        super::common::EngineChoice::Cpu => crate::engine::cpu::CpuEngine::new(common.threads)
-            .map(|e| Box::new(e) as Box<dyn Engine>)
-            .map_err(|e| CliError(e.to_string())),
-        super::common::EngineChoice::Gpu => Err(CliError::on("--engine gpu", "not wired yet")),
-    }
-}
-
 fn report(
     arguments: &Arguments,
     common: &Common,
     engine: &dyn Engine,
     drawn: &Drawn,
     comparison: Option<&Comparison>,
+    notes: &[String],
 ) {
     let digest = common.digest.then(|| drawn.digest());
     if common.json {
@@ -166,13 +170,16 @@ fn report(
         let report = serde_json::json!({
             "input": arguments.input, "out": arguments.out, "engine": engine.description(),
             "width_px": drawn.radiance.width(), "height_px": drawn.radiance.height(),
-            "passes": passes, "left_out": left_out,
+            "notes": notes, "passes": passes, "left_out": left_out,
             "comparison": comparison.map(Comparison::json), "digest": digest,
         });
         println!("{report}");
         return;
     }
     println!("engine  {}", engine.description());
+    for note in notes {
+        println!("  {note}");
+    }
     for planned in &drawn.plan.passes {
         let ms = drawn.timings.iter().find(|t| t.pass == planned.pass).map_or(0.0, |t| t.ms);
         println!("  {:<24}{ms:8.2} ms  {}", planned.pass.name(), planned.reason);

@@ -44,6 +44,10 @@ pub struct Still {
     pub light: SplitLight,
     /// The place without the objects.
     pub background: HdrImage,
+    /// For the 8-bit picture.
+    pub response: Response,
+    /// Exposure of the 8-bit picture where the still itself has one.
+    pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
     pub quantity: Quantity,
 }
@@ -53,7 +57,7 @@ pub struct Still {
 pub struct Drawn {
     /// Linear radiance (or ratio, or difference).
     pub radiance: RadianceImage,
-    /// The same through sRGB, exposed as asked.
+    /// The same through the response, exposed as asked.
     pub display: Rgb8Image,
     /// The list of passes that was run.
     pub plan: FramePlan,
@@ -107,12 +111,15 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         world_from_camera: case.world_from_camera,
         light,
         background,
+        response: Response::srgb(),
+        exposure_s: None,
         quantity,
     })
 }
 
 impl Still {
-    /// Draws it. Exposure in seconds for the 8-bit picture; `None` puts nine tenths of the place below 0.8.
+    /// Draws it. Exposure in seconds for the 8-bit picture; `None` takes the still's own, else puts nine tenths
+    /// of the place below 0.8.
     /// Drawn `repeat` times more, each pass is reported with its median time.
     pub fn draw(
         &self,
@@ -126,13 +133,14 @@ impl Still {
         let mut plan = FramePlan::default();
         let occasion = Occasion { camera: Some((&self.lens, &self.world_from_camera)), ..Occasion::SHOW };
         effects::plan(&occasion, &self.scene, &self.light, quality, &mut plan);
-        let time_s = exposure_s.unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
+        let time_s =
+            exposure_s.or(self.exposure_s).unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
         let input = RelightInput {
             background: &self.background,
             lens: &self.lens,
             world_from_camera: &self.world_from_camera,
             light: &self.light,
-            response: &Response::srgb(),
+            response: &self.response,
             shown_exposure: Exposure { time_s, gain: 1.0 },
             t: Timestamp(0),
         };

@@ -75,7 +75,7 @@ pub fn bake(room: &mut Room, fineness: Fineness) {
         .solids
         .iter()
         .enumerate()
-        .filter(|(_, s)| s.emission.is_none() && !s.mirror)
+        .filter(|(_, s)| !s.shines && !s.mirror)
         .flat_map(|(i, s)| (0..s.shape.faces()).map(move |f| (i, f)))
         .collect();
     for (solid, face) in &faces {
@@ -181,7 +181,7 @@ fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2
     let blockers = room.near_segment(p, room.lamp.centre, room.lamp.radius, ball);
     let high = facing >= sine;
     if high && blockers.is_empty() {
-        return room.lamp.radiance * (PI * sine * sine * facing);
+        return room.lamp.radiance(-axis) * (PI * sine * sine * facing);
     }
     let (side_x, side_y) = axis.any_orthonormal_pair();
     let turn = DVec2::from_angle(TAU * uniform_pair([key[0], key[1], 0]).0);
@@ -213,7 +213,7 @@ fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2
     }
     // Above the horizon the cosine's mean over the cap is known exactly; the rays only give the share.
     let unshadowed = if high { PI * sine * sine * facing } else { TAU * (1.0 - cosine_limit) * mean };
-    room.lamp.radiance * (unshadowed * (seen / (mean * rays as f64)).min(1.0))
+    room.lamp.radiance(-axis) * (unshadowed * (seen / (mean * rays as f64)).min(1.0))
 }
 
 /// Points spread evenly over the unit disc, on a spiral of the golden angle: a few, and many.

@@ -30,13 +30,15 @@ const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 
 /// The whole room.
 pub fn furnish() -> Plan {
+    let lamp_centre = DVec3::new(-1.30, 0.64, 1.58);
     let lamp = Lamp {
-        centre: DVec3::new(-0.74, 0.36, 0.84),
-        radius: 0.115,
+        centre: lamp_centre,
+        radius: 0.21,
+        axis: (DVec3::new(0.0, 0.05, 0.0) - lamp_centre).normalize(),
         radiance: DVec3::new(1.10, 1.0, 0.84) * 6200.0,
     };
     let window =
-        Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 130.0 };
+        Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 90.0 };
     let ball = MirrorBall {
         centre_world: DVec3::new(-0.20, 0.04, 0.06),
         radius_m: 0.06,
@@ -65,17 +67,15 @@ pub fn furnish() -> Plan {
     }
     groups.push(solids.len());
     solids.push(Solid {
-        emission: Some(lamp.radiance),
+        shines: true,
         ..Solid::new(Shape::Sphere { centre: lamp.centre, radius: lamp.radius }, &[Paint::Plain(DVec3::ZERO)])
     });
-    let top = lamp.centre + DVec3::Z * (lamp.radius - 0.004);
+    // Its stand.
     let metal = Paint::Plain(DVec3::splat(0.12));
-    solids
-        .push(Solid::new(Shape::Cylinder { base: top, radius: 0.03, height: 0.04, hollow: None }, &[metal]));
-    solids.push(Solid::new(
-        Shape::Cylinder { base: top, radius: 0.004, height: CEILING - top.z, hollow: None },
-        &[metal],
-    ));
+    let foot = lamp.centre.truncate().extend(FLOOR);
+    for (radius, height) in [(0.16, 0.03), (0.012, lamp.centre.z - lamp.radius - FLOOR + 0.005)] {
+        solids.push(Solid::new(Shape::Cylinder { base: foot, radius, height, hollow: None }, &[metal]));
+    }
     groups.push(solids.len());
     Plan { solids, groups, table, lamp, window, ball }
 }
@@ -117,9 +117,10 @@ fn window_frame(solids: &mut Vec<Solid>, w: &Window) {
 
 fn furniture(solids: &mut Vec<Solid>, groups: &mut Vec<usize>) {
     let dark = Paint::Plain(DVec3::new(0.16, 0.085, 0.045));
+    let sage = Paint::Mottled(DVec3::new(0.20, 0.27, 0.26), 0.06);
     let oak = Paint::Mottled(DVec3::new(0.38, 0.25, 0.14), 0.12);
     // Cabinet with things on it, chair behind the table, then what lies along the walls and the floor.
-    solids.push(Solid::new(Shape::block([-1.15, 1.20, FLOOR + 0.08], [0.35, 1.6, -0.02]), &[oak]));
+    solids.push(Solid::new(Shape::block([-1.15, 1.20, FLOOR + 0.08], [0.35, 1.6, -0.02]), &[sage]));
     solids.push(Solid::new(Shape::block([-1.10, 1.24, FLOOR], [0.30, 1.58, FLOOR + 0.08]), &[dark]));
     for x in [-0.76, -0.38, 0.0] {
         solids.push(Solid::new(Shape::block([x - 0.006, 1.195, -0.70], [x + 0.006, 1.2, -0.05]), &[dark]));

@@ -33,7 +33,7 @@ pub use motion::SyntheticImu;
 use motion::Trajectory;
 pub use options::Options;
 pub use paint::{PAPER_SIDE_M, TAG_SIDE_M};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Time of the first frame.
 pub const START_S: f64 = 1.0;
@@ -47,19 +47,54 @@ pub struct SyntheticSource {
     options: Options,
     device: String,
     lens: Lens,
-    room: Arc<room::Room>,
+    place: Arc<Place>,
     trajectory: Arc<Trajectory>,
     response: Response,
     quantiser: film::Quantiser,
-    light: RadianceSh,
     next: u64,
     truth: Option<Truth>,
 }
 
-/// Builds the room and opens its camera and its IMU. Takes a second or two of computing.
+/// The room with its light, and the truth that follows from it.
+struct Place {
+    room: room::Room,
+    light: RadianceSh,
+}
+
+impl Place {
+    fn new(texel_mm: f64) -> Arc<Self> {
+        let fineness = bake::Fineness { table_texel_m: texel_mm * 1e-3, seed: 0x5eed };
+        let room = room::Room::new(fineness);
+        Arc::new(Self { light: truth::light_at_ball(&room), room })
+    }
+
+    /// The place as computed before in this process, if it was; it depends on nothing but the texel.
+    fn shared(texel_mm: f64) -> Arc<Self> {
+        static MADE: Mutex<Vec<(f64, Arc<Place>)>> = Mutex::new(Vec::new());
+        let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, place)) = made().iter().find(|(texel, _)| *texel == texel_mm) {
+            return Arc::clone(place);
+        }
+        // Not under the lock: computing uses the thread pool, which may run other work that opens a room.
+        let place = Self::new(texel_mm);
+        let mut list = made();
+        list.truncate(1);
+        list.insert(0, (texel_mm, Arc::clone(&place)));
+        place
+    }
+}
+
+/// Opens the room's camera and its IMU. The first call takes a second or two to compute the light.
 pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
-    let fineness = bake::Fineness { table_texel_m: options.texel_mm * 1e-3, seed: 0x5eed };
-    let room = Arc::new(room::Room::new(fineness));
+    assemble(options, Place::shared(options.texel_mm))
+}
+
+/// The same with all light computed anew.
+pub fn open_anew(options: &Options) -> (SyntheticSource, SyntheticImu) {
+    assemble(options, Place::new(options.texel_mm))
+}
+
+fn assemble(options: &Options, place: Arc<Place>) -> (SyntheticSource, SyntheticImu) {
     let trajectory = Arc::new(Trajectory::new(options.seed, options.motion));
     let response = film::film();
     let (width, height) = options.size;
@@ -68,10 +103,9 @@ pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
     let source = SyntheticSource {
         device: format!("synthetic:seed={}", options.seed),
         lens: Lens::pinhole(width, height, focal, focal, f64::from(width) / 2.0, f64::from(height) / 2.0),
-        light: truth::light_at_ball(&room),
         quantiser: film::Quantiser::new(&response),
         options: options.clone(),
-        room,
+        place,
         trajectory: Arc::clone(&trajectory),
         response,
         next: 0,
@@ -100,7 +134,7 @@ impl SyntheticSource {
 
     fn shot(&self, world_from_camera: Pose, exposure: Exposure, frame: u64) -> picture::Shot<'_> {
         picture::Shot {
-            room: &self.room,
+            room: &self.place.room,
             lens: &self.lens,
             world_from_camera,
             exposure,
@@ -132,8 +166,8 @@ impl FrameSource for SyntheticSource {
                 sigma_position_m: 0.0,
                 sigma_rotation_rad: 0.0,
             },
-            light: self.light,
-            to_light_world: truth::dominant_direction(&self.light),
+            light: self.place.light,
+            to_light_world: truth::dominant_direction(&self.place.light),
         });
         Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels) })
     }
@@ -158,7 +192,7 @@ impl FrameSource for SyntheticSource {
         Some(Rig {
             lens: self.lens,
             tags: vec![TagPlacement { id: 0, side_m: TAG_SIDE_M, world_from_tag: world_from_tag() }],
-            ball: Some(self.room.ball()),
+            ball: Some(self.place.room.ball()),
         })
     }
 

@@ -49,7 +49,7 @@ impl Trajectory {
         let azimuth = (-83.0 + 15.0 * slow(1)).to_radians();
         let distance = 0.62 + 0.035 * slow(2);
         let height = 0.43 + 0.045 * slow(3);
-        let middle = DVec3::new(0.045, 0.05, 0.0);
+        let middle = DVec3::new(0.035, 0.05, 0.0);
         let eye = middle
             + DVec3::new(distance * azimuth.cos(), distance * azimuth.sin(), height)
             + DVec3::new(fast(4), fast(5), fast(6)) * 0.0016;

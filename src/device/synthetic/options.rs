@@ -18,7 +18,7 @@ pub struct Options {
     pub size: (u32, u32),
     /// Frames a second (key `fps`, 1..=240, default 30).
     pub fps: f64,
-    /// Exposures used in turn (key `exposures`, seconds, divided by `:`, e.g. 1/3840:1/480:1/60; 1 to 9).
+    /// Exposures used in turn (key `exposures`, seconds, divided by `:`, e.g. 1/4500:1/500:1/60; 1 to 9).
     pub exposures: Vec<Exposure>,
     /// Strength of the sensors' noise and biases (key `noise`, 0..=10, default 1).
     pub noise: f64,
@@ -42,7 +42,7 @@ impl Default for Options {
             seed: 1,
             size: (640, 480),
             fps: 30.0,
-            exposures: [3840.0, 480.0, 60.0].map(|rate| Exposure { time_s: 1.0 / rate, gain: 1.0 }).to_vec(),
+            exposures: [4500.0, 500.0, 60.0].map(|rate| Exposure { time_s: 1.0 / rate, gain: 1.0 }).to_vec(),
             noise: 1.0,
             motion: 1.0,
             imu_offset_s: 0.004,

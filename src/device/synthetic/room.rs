@@ -37,8 +37,8 @@ pub struct Solid {
     pub shape: Shape,
     /// The paint of each face (the last one repeats).
     pub paints: Vec<Paint>,
-    /// Radiance of a lamp.
-    pub emission: Option<DVec3>,
+    /// The lamp.
+    pub shines: bool,
     /// The mirror ball.
     pub mirror: bool,
     /// Whether it stands on the table.
@@ -62,7 +62,7 @@ impl Solid {
             bounds,
             shape,
             paints: paints.to_vec(),
-            emission: None,
+            shines: false,
             mirror: false,
             on_table: false,
         }
@@ -73,15 +73,27 @@ impl Solid {
     }
 }
 
-/// A globe that shines evenly.
+/// A globe that shines like a spotlight: its radiance depends on the direction in which it leaves.
 #[derive(Clone, Copy, Debug)]
 pub struct Lamp {
     /// Its middle.
     pub centre: DVec3,
     /// Its radius.
     pub radius: f64,
-    /// Linear RGB.
+    /// Where it is aimed, unit.
+    pub axis: DVec3,
+    /// Linear RGB along the axis.
     pub radiance: DVec3,
+}
+
+impl Lamp {
+    /// Radiance that leaves in a direction: full within 22 degrees of the axis, a twentieth beyond 50.
+    pub fn radiance(&self, leaving: DVec3) -> DVec3 {
+        const INNER: f64 = 0.927_18;
+        const OUTER: f64 = 0.642_79;
+        let t = ((leaving.dot(self.axis) - OUTER) / (INNER - OUTER)).clamp(0.0, 1.0);
+        self.radiance * (0.05 + 0.95 * t * t * (3.0 - 2.0 * t))
+    }
 }
 
 /// An opening in the wall at the smallest x, with a sky outside at infinity.
@@ -188,7 +200,7 @@ impl Room {
         let mut room = Self {
             table_top: (plan.table, 5),
             ball: position(&|s| s.mirror),
-            lamp_solid: position(&|s| s.emission.is_some()),
+            lamp_solid: position(&|s| s.shines),
             lamp: plan.lamp,
             window: plan.window,
             bare_table: FaceLight::default(),
@@ -294,8 +306,8 @@ impl Room {
     /// Radiance that a surface sends out; lamps and the window count only where `with_lights`.
     fn sent(&self, hit: &Hit, direction: DVec3, point: DVec3, ball: BallView, with_lights: bool) -> DVec3 {
         let solid = &self.solids[hit.solid];
-        if let Some(emission) = solid.emission {
-            return if with_lights { emission } else { DVec3::ZERO };
+        if solid.shines {
+            return if with_lights { self.lamp.radiance(-direction) } else { DVec3::ZERO };
         }
         let face = hit.meeting.face;
         if hit.solid == 0 && face == 0 && self.window.holds(point) {

@@ -1,0 +1,143 @@
+//! glTF 2.0 models (.glb, .gltf) as virtual objects.
+//!
+//! # Frame
+//! glTF is y up and looks along its +z; the objects are z up: (x, y, z) of the file becomes (x, -z, y). A model that is
+//! upright in its own frame stands upright on z = 0, facing -y. Node transforms, skins at rest and the default
+//! morph weights are applied to the vertices, so each object's own transform is the identity. Metres.
+//!
+//! # What is taken
+//! Triangles, strips and fans; normals (flat ones where the file has none); vertex colours times the base colour
+//! texture, sampled at the vertices, as tints; metallic-roughness materials as the nearest of ours (`material`).
+//! Lights, cameras, animations, emission, transparency, normal and occlusion textures are passed over.
+
+mod accessor;
+mod material;
+mod pose;
+mod primitive;
+mod source;
+
+use super::{
+    error::{AssetError, read_file},
+    normals::creased,
+};
+use crate::{
+    model::scene::{Mesh, VirtualObject},
+    visibility::openness,
+};
+use glam::Affine3A;
+use source::Source;
+use std::{collections::BTreeMap, path::Path};
+
+/// Most vertices of a model, all copies counted.
+pub const MAX_VERTICES: usize = 8 << 20;
+/// Most nodes of a model.
+const MAX_NODES: usize = 1 << 16;
+
+/// Loads a model: one object for each material in use, in order of the file's materials (without material last),
+/// with openness from `openness::DEFAULT_RAYS` rays a vertex against the whole model. An object is named after the
+/// file, and after its material where there are several.
+///
+/// # Errors
+/// The file (or one it names) cannot be read, is damaged, needs an extension that is not known here, or holds no triangles.
+pub fn load(file: &Path) -> Result<Vec<VirtualObject>, AssetError> {
+    load_with(file, openness::DEFAULT_RAYS, &|_| ())
+}
+
+/// `load` with a number of openness rays (0: everything open) and progress of the openness, 0 to 1.
+///
+/// # Errors
+/// As `load`.
+pub fn load_with(
+    file: &Path,
+    rays: u32,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Vec<VirtualObject>, AssetError> {
+    let mut objects = decode(file, &read_file(file)?)?;
+    let meshes: Vec<&Mesh> = objects.iter().map(|object| &object.mesh).collect();
+    let open = openness::of_parts(&meshes, rays, progress);
+    objects.iter_mut().zip(open).for_each(|(object, open)| object.openness = open);
+    Ok(objects)
+}
+
+/// `load` from bytes, with openness 1; `file` names them in errors and tells where other files are.
+///
+/// # Errors
+/// As `load`.
+pub fn decode(file: &Path, bytes: &[u8]) -> Result<Vec<VirtualObject>, AssetError> {
+    let mut source = Source::open(file, bytes)?;
+    let document = source.document.clone();
+    if document.nodes().len() > MAX_NODES {
+        return Err(AssetError::new(file, "nodes")
+            .value(document.nodes().len())
+            .allowed(format!("at most {MAX_NODES}")));
+    }
+    let placed = pose::place(&source, &document)?;
+    // Material index (without material last) to what it covers.
+    let mut parts: BTreeMap<usize, (Mesh, material::Means)> = BTreeMap::new();
+    let mut vertices = 0;
+    for node in document.nodes() {
+        let (Some(mesh), Some(place)) = (node.mesh(), placed.get(node.index()).and_then(Option::as_ref))
+        else {
+            continue;
+        };
+        let weights = node.weights().or(mesh.weights()).unwrap_or(&[]).to_vec();
+        for primitive in mesh.primitives() {
+            let Some(part) = primitive::read(&mut source, &primitive, place, &weights)? else { continue };
+            vertices += part.mesh.positions.len();
+            if vertices > MAX_VERTICES {
+                return Err(AssetError::new(file, "vertices").allowed(format!("at most {MAX_VERTICES}")));
+            }
+            let key = primitive.material().index().unwrap_or(usize::MAX);
+            let (sum, means) = parts.entry(key).or_default();
+            append(sum, part.mesh);
+            means.add(&part.means);
+        }
+    }
+    if parts.is_empty() {
+        return Err(AssetError::new(file, "triangles in the default scene").value(0).allowed("at least 1"));
+    }
+    let stem = file.file_stem().map_or_else(|| "model".into(), |s| s.to_string_lossy().into_owned());
+    let several = parts.len() > 1;
+    let mut objects: Vec<VirtualObject> = Vec::new();
+    for (key, (mesh, means)) in parts {
+        let material = document.materials().nth(key);
+        let name = material.as_ref().and_then(|m| m.name().map(str::to_owned));
+        let name = name
+            .unwrap_or_else(|| if key == usize::MAX { "plain".into() } else { format!("material {key}") });
+        let mut name = if several { format!("{stem}/{name}") } else { stem.clone() };
+        while objects.iter().any(|o| o.name == name) {
+            name.push('\'');
+        }
+        let openness = vec![1.0; mesh.positions.len()];
+        let material = material::of(material.as_ref(), &means);
+        objects.push(VirtualObject { name, mesh, material, world_from_object: Affine3A::IDENTITY, openness });
+    }
+    Ok(objects)
+}
+
+fn append(sum: &mut Mesh, part: Mesh) {
+    let base = sum.positions.len() as u32;
+    sum.positions.extend(part.positions);
+    sum.normals.extend(part.normals);
+    sum.tints_rgb.extend(part.tints_rgb);
+    sum.triangles.extend(part.triangles.into_iter().map(|t| t.map(|i| i + base)));
+}
+
+/// Flat normals where a primitive has none or a broken one; triangles without area go in any case.
+fn finish(mesh: Mesh, has_normals: bool) -> Mesh {
+    let unit: Option<Vec<_>> = mesh.normals.iter().map(|n| n.try_normalize()).collect();
+    match unit {
+        Some(normals) if has_normals => {
+            let area = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
+                (b - a).cross(c - a).length_squared() > 0.0
+            };
+            let triangles = mesh.triangles.iter().filter(|t| area(t)).copied().collect();
+            Mesh { normals, triangles, ..mesh }
+        }
+        _ => creased(&mesh, 0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests;

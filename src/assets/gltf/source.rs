@@ -1,0 +1,182 @@
+//! The bytes of a model: container, buffers and pictures.
+
+use crate::{
+    assets::{
+        error::{AssetError, read_file},
+        pictures,
+    },
+    model::image::Rgb8Image,
+};
+use gltf::Document;
+use std::{collections::HashMap, path::Path, rc::Rc};
+
+/// An opened model.
+pub struct Source<'a> {
+    /// Names it in errors.
+    pub file: &'a Path,
+    /// The validated description.
+    pub document: Rc<Document>,
+    buffers: Vec<Vec<u8>>,
+    pictures: HashMap<usize, Rc<Rgb8Image>>,
+}
+
+impl<'a> Source<'a> {
+    /// Splits a .glb or takes a .gltf, checks the description and gathers all buffers.
+    pub fn open(file: &'a Path, bytes: &[u8]) -> Result<Self, AssetError> {
+        let (json, mut binary) = if bytes.starts_with(b"glTF") { split(file, bytes)? } else { (bytes, None) };
+        let model =
+            gltf::Gltf::from_slice(json).map_err(|e| AssetError::new(file, "glTF description").cause(e))?;
+        let document = Rc::new(model.document);
+        let mut buffers = Vec::new();
+        for buffer in &document.as_json().buffers {
+            let key = format!("buffers[{}]", buffers.len());
+            let bytes = match &buffer.uri {
+                Some(uri) => fetch(file, &key, uri)?,
+                None => binary.take().map(<[u8]>::to_vec).ok_or_else(|| {
+                    AssetError::new(file, format!("{key}.uri")).allowed("given, or the .glb's binary chunk")
+                })?,
+            };
+            if (bytes.len() as u64) < buffer.byte_length.0 {
+                return Err(AssetError::new(file, format!("{key}.byteLength"))
+                    .value(buffer.byte_length.0)
+                    .allowed(format!("at most the {} bytes there are", bytes.len())));
+            }
+            buffers.push(bytes);
+        }
+        Ok(Self { file, document, buffers, pictures: HashMap::new() })
+    }
+
+    /// Bytes of a buffer view.
+    pub fn view(&self, index: usize) -> Result<&[u8], AssetError> {
+        let wrong =
+            || AssetError::new(self.file, format!("bufferViews[{index}]")).allowed("within its buffer");
+        let view = self.document.as_json().buffer_views.get(index).ok_or_else(wrong)?;
+        let start = view.byte_offset.map_or(0, |o| o.0);
+        let end = start.checked_add(view.byte_length.0).ok_or_else(wrong)?;
+        let range = usize::try_from(start).ok().zip(usize::try_from(end).ok()).ok_or_else(wrong)?;
+        let buffer = self.buffers.get(view.buffer.value()).ok_or_else(wrong)?;
+        buffer.get(range.0..range.1).ok_or_else(wrong)
+    }
+
+    /// A picture by its index, decoded once.
+    pub fn picture(&mut self, index: usize) -> Result<Rc<Rgb8Image>, AssetError> {
+        if let Some(known) = self.pictures.get(&index) {
+            return Ok(known.clone());
+        }
+        let key = format!("images[{index}]");
+        let document = self.document.clone();
+        let image = document.as_json().images.get(index);
+        let image = image.ok_or_else(|| AssetError::new(self.file, &*key).allowed("an image of the file"))?;
+        let fetched;
+        let bytes = match (&image.buffer_view, &image.uri) {
+            (Some(view), _) => self.view(view.value())?,
+            (None, Some(uri)) => {
+                fetched = fetch(self.file, &key, uri)?;
+                &fetched
+            }
+            (None, None) => return Err(AssetError::new(self.file, key).allowed("given by bufferView or uri")),
+        };
+        let picture = pictures::decode_rgb8(self.file, bytes);
+        let picture = Rc::new(picture.map_err(|e| AssetError::new(self.file, key).cause(e))?);
+        self.pictures.insert(index, picture.clone());
+        Ok(picture)
+    }
+}
+
+/// JSON and binary chunk of a .glb.
+fn split<'b>(file: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]>), AssetError> {
+    let cut = || AssetError::new(file, ".glb container").allowed("as long as its chunks say");
+    let word =
+        |at: usize| -> Option<u32> { bytes.get(at..)?.first_chunk::<4>().map(|b| u32::from_le_bytes(*b)) };
+    let version = word(4).ok_or_else(cut)?;
+    if version != 2 {
+        return Err(AssetError::new(file, ".glb version").value(version).allowed("2"));
+    }
+    let chunk = |at: usize, kind: &[u8; 4]| -> Option<&'b [u8]> {
+        let length = word(at)? as usize;
+        let found = bytes.get(at + 4..)?.first_chunk::<4>()? == kind;
+        found.then(|| bytes.get(at + 8..(at + 8).checked_add(length)?))?
+    };
+    let json = chunk(12, b"JSON").ok_or_else(cut)?;
+    let next = 20 + json.len().next_multiple_of(4);
+    let binary = chunk(next, b"BIN\0");
+    if binary.is_none() && bytes.len() > next {
+        return Err(cut());
+    }
+    Ok((json, binary))
+}
+
+/// Bytes of a URI: base64 data, or a file beside the model.
+fn fetch(file: &Path, key: &str, uri: &str) -> Result<Vec<u8>, AssetError> {
+    let wrong = |allowed: &str| {
+        let start: String = uri.chars().take(40).collect();
+        AssetError::new(file, format!("{key}.uri")).value(start).allowed(allowed)
+    };
+    if let Some(data) = uri.strip_prefix("data:") {
+        let (_, text) = data.split_once(";base64,").ok_or_else(|| wrong("base64 where it is a data: URI"))?;
+        return base64(text).ok_or_else(|| wrong("sound base64"));
+    }
+    if uri.contains("://") {
+        return Err(wrong("data: or a file beside the model"));
+    }
+    let name = percent_decoded(uri).ok_or_else(|| wrong("sound UTF-8 where % is used"))?;
+    let path = file.parent().unwrap_or(Path::new("")).join(name);
+    read_file(&path).map_err(|e| AssetError::new(file, format!("{key}.uri")).value(uri).cause(e))
+}
+
+fn percent_decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = text.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        rest = tail;
+        if first == b'%' {
+            let digits = std::str::from_utf8(tail.get(..2)?).ok()?;
+            bytes.push(u8::from_str_radix(digits, 16).ok()?);
+            rest = &tail[2..];
+        } else {
+            bytes.push(first);
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Standard alphabet, padding optional, nothing else between.
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let text = text.trim_end_matches('=');
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 3);
+    let (mut bits, mut count) = (0u32, 0);
+    for letter in text.bytes() {
+        let value = match letter {
+            b'A'..=b'Z' => letter - b'A',
+            b'a'..=b'z' => letter - b'a' + 26,
+            b'0'..=b'9' => letter - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+            bits &= (1 << count) - 1;
+        }
+    }
+    // A lone letter carries less than a byte.
+    (count < 6).then_some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_and_percent_are_decoded() {
+        assert_eq!(base64("aGFsZi1saWdodA==").unwrap(), b"half-light");
+        assert_eq!(base64("+/8").unwrap(), [0xfb, 0xff]);
+        assert_eq!(base64("").unwrap(), b"");
+        assert!(base64("a").is_none() && base64("a b=").is_none());
+        assert_eq!(percent_decoded("a%20b").unwrap(), "a b");
+        assert!(percent_decoded("a%2").is_none() && percent_decoded("%ff").is_none());
+    }
+}

@@ -1,0 +1,235 @@
+//! The scene file: camera, light, rig, real surfaces and virtual objects, in TOML.
+//!
+//! ```toml
+//! # All lengths in metres, in the world frame: z up, the surface that things stand on is z = 0.
+//! [camera]                           # only for stills; a recording brings its own
+//! lens = { width = 640, height = 480, fx = 650.0, fy = 650.0, cx = 320.0, cy = 240.0 }
+//! # or: calibration = "camera.yaml"  # OpenCV or ROS; lens.distortion = [k1, k2, p1, p2, k3] or lens.fisheye = [k1, k2, k3, k4]
+//! position = [0.0, -0.6, 0.4]
+//! look_at = [0.0, 0.0, 0.0]          # or: world_from_camera = four rows of four numbers
+//! pictures = ["a.jpg", "b.jpg"]      # the place as it is: the background, merged if there are several
+//! exposures_s = [0.01, 0.04]
+//! response = "srgb"                  # or "solve" (from the pictures), or a JSON file
+//!
+//! [light]                            # one of: measure, file, constant (with or without to_light)
+//! measure = "ball"                   # from light.pictures, taken by the same camera with the ball in place
+//! pictures = ["ball_a.jpg", "ball_b.jpg"]
+//! exposures_s = [0.01, 0.04]
+//! # file = "room.hdr", layout = "equirect" | "angular" | "cube", up = "z" | "y", rotation_deg = 30.0
+//! # constant = [0.3, 0.3, 0.3], to_light = [0.5, 0.0, 0.8], irradiance_rgb = [3.0, 3.0, 2.8]
+//!
+//! [ball]
+//! centre = [-0.2, 0.04, 0.06]
+//! radius_m = 0.06
+//! reflectance_rgb = [0.95, 0.95, 0.95]
+//! on_surface = true
+//!
+//! [[tag]]
+//! id = 0
+//! side_m = 0.1
+//! position = [0.0, 0.0, 0.0]         # lies flat; its upright picture's upper edge points to +y, turned by yaw_deg
+//! yaw_deg = 0.0
+//!
+//! [[surface]]                        # real: receives virtual shadows, hides what lies behind it
+//! shape = "plane"                    # plane (half_extent, at position), box, sphere, cylinder, quad (corners), or file = "x.obj"
+//! half_extent = 0.5
+//! receives_shadow = true
+//!
+//! [[object]]                         # virtual; stands with its lowest point at position
+//! shape = "pawn"                     # pawn, pawn_with_ring, vase, sphere, box, cylinder, capsule, torus, torus_knot, or file = "x.glb"
+//! height_m = 0.12
+//! position = [0.1, 0.0, 0.0]
+//! yaw_deg = 30.0
+//! material = { kind = "lambert", albedo_rgb = [0.8, 0.7, 0.5] }   # or phong (specular_rgb, exponent), mirror (reflectance_rgb)
+//! ```
+//! Paths are relative to the scene file.
+
+mod place;
+mod rig;
+mod walk;
+
+use super::error::{AssetError, read_text};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    rig::{MirrorBall, Rig, TagPlacement},
+    scene::{RealSurface, Scene},
+};
+use glam::Affine3A;
+use std::path::{Path, PathBuf};
+use walk::{Mistakes, Section, number};
+
+/// Triangles by which the ball hides what lies behind it: 20 * 4^4.
+const BALL_SUBDIVISIONS: u32 = 4;
+
+/// A camera for stills.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneCamera {
+    /// Its lens.
+    pub lens: Lens,
+    /// Where it stands.
+    pub world_from_camera: Pose,
+    /// The place as it is; empty where there is no picture.
+    pub pictures: Pictures,
+}
+
+/// Pictures of one bracket, as files.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pictures {
+    /// Resolved paths.
+    pub files: Vec<PathBuf>,
+    /// One for each file.
+    pub exposures_s: Vec<f64>,
+    /// "srgb", "solve", or a JSON file's path.
+    pub response: String,
+}
+
+/// Where the light comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightSource {
+    /// The file does not say: the pipeline measures it, a still has none.
+    Unstated,
+    /// Read off the ball in these pictures.
+    Ball(Pictures),
+    /// An environment picture.
+    File {
+        /// Resolved path.
+        file: PathBuf,
+        /// How its texels cover the sphere.
+        layout: crate::model::light::MapLayout,
+        /// Whether its up is +y (else +z).
+        y_up: bool,
+        /// Turned about the world's z axis, counter-clockwise seen from above.
+        rotation_deg: f64,
+    },
+    /// Stated in numbers.
+    Stated {
+        /// Radiance of the uniform part.
+        constant_rgb: [f32; 3],
+        /// Unit direction and E_d of the directional part.
+        direct: Option<([f32; 3], [f32; 3])>,
+    },
+}
+
+/// A scene file, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneFile {
+    /// The file.
+    pub file: PathBuf,
+    /// Virtual objects and real surfaces.
+    pub scene: Scene,
+    /// The camera for stills.
+    pub camera: Option<SceneCamera>,
+    /// The light.
+    pub light: LightSource,
+    /// Known tags.
+    pub tags: Vec<TagPlacement>,
+    /// The mirror ball.
+    pub ball: Option<MirrorBall>,
+    /// Whether the ball stands on the surface.
+    pub ball_on_surface: bool,
+}
+
+impl SceneFile {
+    /// The rig for the pipeline: what this file states wins over what the device knows.
+    ///
+    /// # Errors
+    /// Neither knows the lens.
+    pub fn rig_over(&self, device: Option<Rig>) -> Result<Rig, AssetError> {
+        let lens = match (&self.camera, &device) {
+            (Some(camera), _) => camera.lens,
+            (None, Some(rig)) => rig.lens,
+            (None, None) => {
+                return Err(
+                    AssetError::new(&self.file, "camera").allowed("given: the device does not know its lens")
+                );
+            }
+        };
+        let (device_tags, device_ball) = device.map_or((Vec::new(), None), |rig| (rig.tags, rig.ball));
+        let tags = if self.tags.is_empty() { device_tags } else { self.tags.clone() };
+        Ok(Rig { lens, tags, ball: self.ball.or(device_ball) })
+    }
+
+    /// The scene with the real ball in it: it hides virtual objects behind it and receives no shadow.
+    pub fn scene_with_ball(&self, ball: Option<&MirrorBall>) -> Scene {
+        let mut scene = self.scene.clone();
+        if let Some(ball) = ball {
+            let sphere = super::shapes::icosphere(ball.radius_m, BALL_SUBDIVISIONS);
+            let place = Affine3A::from_translation(ball.centre_world.as_vec3());
+            let mesh = super::shapes::transformed(&sphere, &place);
+            scene.surfaces.push(RealSurface { name: "mirror ball".into(), mesh, receives_shadow: false });
+        }
+        scene
+    }
+}
+
+/// Reads and checks a scene file with all that it names.
+///
+/// # Errors
+/// All mistakes of the file at once, each with key, value and what is allowed; or a file it names that cannot be read.
+pub fn load(file: &Path) -> Result<SceneFile, AssetError> {
+    parse(file, &read_text(file)?)
+}
+
+/// Checks a scene file's text; `file` is for messages and tells where other files are.
+///
+/// # Errors
+/// As `load`.
+pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
+    let table = text
+        .parse::<toml::Table>()
+        .map_err(|e| AssetError::new(file, "is not valid TOML").cause(e.to_string().trim_end().to_owned()))?;
+    let mistakes = Mistakes::new(file);
+    let root = Section::new("", &table, &mistakes);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let camera = root.table("camera").and_then(|s| rig::camera(&s, folder, &mistakes));
+    let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
+    let (ball, ball_on_surface) = root.table("ball").map_or((None, true), |s| rig::ball(&s));
+    let tags = root.tables("tag").iter().filter_map(rig::tag).collect();
+    let surfaces: Vec<RealSurface> = root
+        .tables("surface")
+        .iter()
+        .enumerate()
+        .filter_map(|(i, s)| place::surface(s, i, folder, &mistakes))
+        .collect();
+    let objects = root
+        .tables("object")
+        .iter()
+        .enumerate()
+        .flat_map(|(i, s)| place::objects(s, i, folder, &mistakes))
+        .collect();
+    root.finish();
+    let scene = Scene { objects, surfaces };
+    match mistakes.into_error() {
+        Some(error) => Err(error),
+        None => Ok(SceneFile { file: file.to_owned(), scene, camera, light, tags, ball, ball_on_surface }),
+    }
+}
+
+/// A path of the file, resolved against its folder.
+fn resolved(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name)
+}
+
+/// `pictures`, `exposures_s` and `response` of a section.
+fn pictures(section: &Section<'_>, folder: &Path) -> Pictures {
+    let files: Vec<PathBuf> = section
+        .read("pictures", "a list of file names", |v| {
+            v.as_array()?.iter().map(|f| f.as_str().map(|f| resolved(folder, f))).collect()
+        })
+        .unwrap_or_default();
+    let exposures_s: Vec<f64> = section
+        .read("exposures_s", "a list of numbers above 0, one for each of the pictures", |v| {
+            let list: Vec<f64> = v.as_array()?.iter().map(number).collect::<Option<_>>()?;
+            (list.len() == files.len() && list.iter().all(|&t| t > 0.0)).then_some(list)
+        })
+        .unwrap_or_else(|| vec![1.0; files.len()]);
+    if !section.has("exposures_s") && files.len() > 1 {
+        section.refuse("exposures_s", "given: several pictures need one exposure time each");
+    }
+    let response = match section.text("response") {
+        None => "srgb".to_owned(),
+        Some(word @ ("srgb" | "solve")) => word.to_owned(),
+        Some(name) => resolved(folder, name).display().to_string(),
+    };
+    Pictures { files, exposures_s, response }
+}

@@ -1,0 +1,198 @@
+//! Real surfaces and virtual objects of a scene file.
+
+use super::{
+    resolved,
+    walk::{Mistakes, Section, numbers},
+};
+use crate::assets::{error::read_text, gltf, obj, shapes};
+use crate::model::scene::{Material, Mesh, RealSurface, VirtualObject};
+use crate::visibility::openness;
+use glam::{Affine3A, DVec3, Quat, Vec3};
+use std::path::Path;
+
+const SURFACE_SHAPES: [&str; 5] = ["plane", "box", "sphere", "cylinder", "quad"];
+const OBJECT_SHAPES: [&str; 9] =
+    ["pawn", "pawn_with_ring", "vase", "sphere", "box", "cylinder", "capsule", "torus", "torus_knot"];
+/// Largest length in a scene, metres.
+const FAR_M: f64 = 1000.0;
+/// Subdivisions of a sphere: 5120 triangles.
+const SPHERE_SUBDIVISIONS: u32 = 4;
+/// Segments around shapes of revolution.
+const SEGMENTS: u32 = 64;
+
+/// `[[surface]]`
+pub fn surface(
+    section: &Section<'_>,
+    index: usize,
+    folder: &Path,
+    mistakes: &Mistakes<'_>,
+) -> Option<RealSurface> {
+    let name = section.text("name").map_or_else(|| format!("surface {index}"), str::to_owned);
+    let receives_shadow = section.switch("receives_shadow", true);
+    let mesh = match section.text("file") {
+        Some(file) => {
+            let path = resolved(folder, file);
+            let read = if is_gltf(&path) {
+                gltf::load_with(&path, 0, &|_| ()).map(|parts| merged(&parts))
+            } else {
+                read_text(&path).and_then(|text| obj::parse(&path, &text))
+            };
+            read.map_err(|error| mistakes.add(error)).ok()
+        }
+        None => shape(section, &SURFACE_SHAPES),
+    };
+    let placed = place(section);
+    section.finish();
+    let (mesh, place) = (mesh?, placed);
+    // Real surfaces are measured where they are: position is their origin, not their lowest point.
+    let transform = Affine3A::from_rotation_translation(place.rotation, place.position);
+    Some(RealSurface { name, mesh: shapes::transformed(&mesh, &transform), receives_shadow })
+}
+
+/// `[[object]]`; a file with several materials gives several objects.
+pub fn objects(
+    section: &Section<'_>,
+    index: usize,
+    folder: &Path,
+    mistakes: &Mistakes<'_>,
+) -> Vec<VirtualObject> {
+    let name = section.text("name").map_or_else(|| format!("object {index}"), str::to_owned);
+    let material = section.table("material").and_then(|s| material(&s));
+    let parts = match section.text("file") {
+        Some(file) => gltf::load(&resolved(folder, file)).map_err(|error| mistakes.add(error)).ok(),
+        None => shape(section, &OBJECT_SHAPES).map(|mesh| {
+            let openness = openness::of_mesh(&mesh, openness::DEFAULT_RAYS, &|_| ());
+            let material = Material::Lambert { albedo_rgb: [0.7; 3] };
+            vec![VirtualObject {
+                name: name.clone(),
+                mesh,
+                material,
+                world_from_object: Affine3A::IDENTITY,
+                openness,
+            }]
+        }),
+    };
+    let scale = section.number("scale", 1e-4, 1e4);
+    let height_m = if section.has("file") { section.number("height_m", 1e-4, FAR_M) } else { None };
+    let keeps_origin = section.read("origin", "\"lowest\" (default) or \"file\"", |v| match v.as_str()? {
+        "lowest" => Some(false),
+        "file" => Some(true),
+        _ => None,
+    });
+    let place = place(section);
+    section.finish();
+    let Some(mut parts) = parts else { return Vec::new() };
+    let Some((low, high)) = bounds(&parts) else { return Vec::new() };
+    let height = high.z - low.z;
+    let scale = match height_m {
+        Some(wanted) if height > 0.0 => wanted as f32 / height,
+        _ => scale.unwrap_or(1.0) as f32,
+    };
+    // Stands with its middle above `position` and its lowest point at its height.
+    let origin = if keeps_origin == Some(true) {
+        Vec3::ZERO
+    } else {
+        Vec3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z)
+    };
+    let stand = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), place.rotation, place.position)
+        * Affine3A::from_translation(-origin);
+    let several = parts.len() > 1;
+    for part in &mut parts {
+        part.world_from_object = stand * part.world_from_object;
+        if let Some(material) = material {
+            part.material = material;
+        }
+        part.name = if several { format!("{name}/{}", part.name) } else { name.clone() };
+    }
+    parts
+}
+
+struct Place {
+    position: Vec3,
+    rotation: Quat,
+}
+
+fn place(section: &Section<'_>) -> Place {
+    let position = section.point("position").unwrap_or(DVec3::ZERO).as_vec3();
+    let yaw = section.number("yaw_deg", -360.0, 360.0).unwrap_or(0.0).to_radians() as f32;
+    Place { position, rotation: Quat::from_rotation_z(yaw) }
+}
+
+fn is_gltf(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
+}
+
+fn merged(parts: &[VirtualObject]) -> Mesh {
+    let meshes: Vec<Mesh> =
+        parts.iter().map(|p| shapes::transformed(&p.mesh, &p.world_from_object)).collect();
+    shapes::merged(&meshes)
+}
+
+fn bounds(parts: &[VirtualObject]) -> Option<(Vec3, Vec3)> {
+    let mut all = parts
+        .iter()
+        .flat_map(|part| part.mesh.positions.iter().map(|&p| part.world_from_object.transform_point3(p)));
+    let first = all.next()?;
+    Some(all.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+}
+
+/// A shape by its name with its own measures.
+fn shape(section: &Section<'_>, known: &[&'static str]) -> Option<Mesh> {
+    let allowed = format!("one of {} (or file = \"..\")", known.join(", "));
+    let name =
+        section.need("shape", &allowed, |v| known.iter().find(|k| Some(**k) == v.as_str()).copied())?;
+    let length = |key: &'static str, default: f64| section.number(key, 1e-4, FAR_M).unwrap_or(default);
+    Some(match name {
+        "plane" => shapes::plane_z0(length("half_extent", 1.0)),
+        "quad" => {
+            let corners = section.need(
+                "corners",
+                "four points of three numbers, counter-clockwise from the front",
+                |v| {
+                    let points: Vec<DVec3> = v
+                        .as_array()?
+                        .iter()
+                        .map(|p| numbers(p).filter(|l| l.len() == 3).map(|l| DVec3::new(l[0], l[1], l[2])))
+                        .collect::<Option<_>>()?;
+                    <[DVec3; 4]>::try_from(points).ok()
+                },
+            )?;
+            shapes::quad(corners)
+        }
+        "box" => {
+            let size = section.read("size", "three numbers above 0", |v| {
+                let list = numbers(v).filter(|l| l.len() == 3 && l.iter().all(|&s| s > 0.0 && s <= FAR_M))?;
+                Some(DVec3::new(list[0], list[1], list[2]))
+            });
+            shapes::cuboid(size.unwrap_or(DVec3::splat(0.1)) / 2.0)
+        }
+        "sphere" => shapes::icosphere(length("radius_m", 0.05), SPHERE_SUBDIVISIONS),
+        "cylinder" => shapes::cylinder(length("radius_m", 0.05), length("height_m", 0.1), SEGMENTS),
+        "capsule" => shapes::capsule(length("radius_m", 0.03), length("height_m", 0.12), SEGMENTS),
+        "vase" => shapes::vase(length("height_m", 0.15), SEGMENTS),
+        "torus" => shapes::torus(length("radius_m", 0.04), length("wire_radius_m", 0.012), SEGMENTS, 32),
+        "torus_knot" => shapes::torus_knot(length("radius_m", 0.03), length("wire_radius_m", 0.01), 192, 24),
+        "pawn_with_ring" => shapes::pawn_with_ring(length("height_m", 0.12)),
+        _ => shapes::pawn(length("height_m", 0.12), SEGMENTS),
+    })
+}
+
+fn material(section: &Section<'_>) -> Option<Material> {
+    let kinds = "one of \"lambert\", \"phong\", \"mirror\"";
+    let kind = section
+        .need("kind", kinds, |v| ["lambert", "phong", "mirror"].into_iter().find(|k| Some(*k) == v.as_str()));
+    let albedo_rgb = section.color("albedo_rgb", 1.0);
+    let made = match kind? {
+        "phong" => Material::Phong {
+            albedo_rgb: albedo_rgb.unwrap_or([0.5; 3]),
+            specular_rgb: section.color("specular_rgb", 1.0).unwrap_or([0.2; 3]),
+            exponent: section.number("exponent", 0.0, 1e5).unwrap_or(20.0) as f32,
+        },
+        "mirror" => {
+            Material::Mirror { reflectance_rgb: section.color("reflectance_rgb", 1.0).unwrap_or([1.0; 3]) }
+        }
+        _ => Material::Lambert { albedo_rgb: albedo_rgb.unwrap_or([0.7; 3]) },
+    };
+    section.finish();
+    Some(made)
+}

@@ -1,0 +1,255 @@
+//! The still of a scene file: its pictures merged, its light measured or stated, its objects over it.
+
+use super::still::{Quantity, Still};
+use crate::assets::{
+    pictures, response,
+    scene::{LightSource, Pictures, SceneCamera, SceneFile},
+};
+use crate::cli::CliError;
+use crate::compose::{
+    geometry::SurfaceGeometry,
+    raster::{self, Fragment, Projected, Rays, View},
+    shade_object::{LightTerms, soft_over_pi},
+};
+use crate::engine::{Bracket, Engine, LightJob};
+use crate::hdr::response::{Origin, SolveOptions, solve};
+use crate::light::split::{SplitOptions, split};
+use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
+use crate::model::{
+    frame::Exposure,
+    image::{HdrImage, Rgb8Image},
+    light::{DirectionalLight, EnvironmentMap, MapLayout, RadianceSh, SplitLight},
+    quality::Quality,
+    response::Response,
+};
+use glam::{DMat3, DVec3, Vec3};
+use std::path::Path;
+
+/// Albedo of real surfaces where the file has no picture of them.
+const GRAY_ALBEDO: f32 = 0.5;
+
+/// Pictures of one bracket in memory.
+struct Loaded {
+    pictures: Vec<Rgb8Image>,
+    exposures: Vec<Exposure>,
+    response: String,
+}
+
+/// The still of a scene file. Lines for people (what was measured, what had to be guessed) go to `notes`.
+pub fn of_scene(
+    file: &SceneFile,
+    engine: &mut dyn Engine,
+    quality: &Quality,
+    notes: &mut Vec<String>,
+) -> Result<Still, CliError> {
+    let camera = file
+        .camera
+        .as_ref()
+        .ok_or_else(|| CliError(format!("{}: camera: must be given to draw a still", file.file.display())))?;
+    let place = load(&camera.pictures)?;
+    let ball = match &file.light {
+        LightSource::Ball(pictures) => {
+            let loaded = load(pictures)?.ok_or_else(|| {
+                CliError(format!("{}: light.pictures: must name pictures of the ball", file.file.display()))
+            })?;
+            Some(loaded)
+        }
+        _ => None,
+    };
+    let response = choose_response(place.as_ref(), ball.as_ref(), notes)?;
+    let total = match &file.light {
+        LightSource::Unstated => {
+            return Err(CliError(format!(
+                "{}: light: must be measured or stated to draw a still",
+                file.file.display()
+            )));
+        }
+        LightSource::Stated { .. } => None,
+        LightSource::Ball(_) => {
+            Some(read_ball(file, camera, ball.as_ref(), &response, engine, quality, notes)?)
+        }
+        LightSource::File { file, layout, y_up, rotation_deg } => {
+            Some(read_map(file, *layout, *y_up, *rotation_deg, engine, quality)?)
+        }
+    };
+    let light = match (&total, &file.light) {
+        (Some(total), _) => split(total, &SplitOptions::default()),
+        (None, LightSource::Stated { constant_rgb, direct }) => {
+            let mut global = RadianceSh::zero(quality.sh_order);
+            global.rgb[0] = constant_rgb.map(|c| c * (4.0 * std::f32::consts::PI).sqrt());
+            let direct = direct.map(|(to_light_world, irradiance_rgb)| DirectionalLight {
+                to_light_world,
+                irradiance_rgb,
+                fade: 1.0,
+            });
+            SplitLight { direct, global }
+        }
+        (None, _) => SplitLight { direct: None, global: RadianceSh::zero(quality.sh_order) },
+    };
+    if let Some(direct) = &light.direct {
+        let [x, y, z] = direct.to_light_world;
+        let [r, g, b] = direct.irradiance_rgb;
+        notes.push(format!("light from ({x:.3}, {y:.3}, {z:.3}), E_d = ({r:.4}, {g:.4}, {b:.4})"));
+    }
+    let (background, exposure_s) = match &place {
+        Some(loaded) => {
+            (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))
+        }
+        None => (gray_surfaces(file, camera, &light), None),
+    };
+    Ok(Still {
+        scene: file.scene.clone(),
+        lens: camera.lens,
+        world_from_camera: camera.world_from_camera,
+        light,
+        background,
+        response,
+        exposure_s,
+        quantity: Quantity::Radiance,
+    })
+}
+
+fn load(pictures: &Pictures) -> Result<Option<Loaded>, CliError> {
+    if pictures.files.is_empty() {
+        return Ok(None);
+    }
+    let files = pictures.files.iter().map(|f| pictures::load_rgb8(f).map_err(|e| CliError(e.to_string())));
+    let exposures = pictures.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 });
+    Ok(Some(Loaded {
+        pictures: files.collect::<Result<_, _>>()?,
+        exposures: exposures.collect(),
+        response: pictures.response.clone(),
+    }))
+}
+
+/// One camera has one response: that of the bracket with more pictures serves both.
+fn choose_response(
+    place: Option<&Loaded>,
+    ball: Option<&Loaded>,
+    notes: &mut Vec<String>,
+) -> Result<Response, CliError> {
+    let brackets = [ball, place];
+    let Some(best) = brackets.into_iter().flatten().max_by_key(|l| l.pictures.len()) else {
+        return Ok(Response::srgb());
+    };
+    match best.response.as_str() {
+        "srgb" => Ok(Response::srgb()),
+        "solve" => {
+            let pictures: Vec<&Rgb8Image> = best.pictures.iter().collect();
+            let solved = solve(&pictures, &best.exposures, &SolveOptions::default());
+            notes.push(match solved.origin {
+                Origin::Solved { residual_rms } => {
+                    format!(
+                        "response solved from {} pictures, rms {residual_rms:.3} in ln exposure",
+                        pictures.len()
+                    )
+                }
+                Origin::Fallback { why } => format!("response not solved ({why}); sRGB stands in"),
+            });
+            Ok(solved.response)
+        }
+        file => response::load(Path::new(file)).map_err(|e| CliError(e.to_string())),
+    }
+}
+
+fn merge(loaded: &Loaded, response: &Response, engine: &mut dyn Engine) -> Result<HdrImage, CliError> {
+    let pictures: Vec<&Rgb8Image> = loaded.pictures.iter().collect();
+    let bracket = Bracket { pictures: &pictures, exposures: &loaded.exposures };
+    let mut out = HdrImage::default();
+    engine.merge_bracket(&bracket, response, &mut out).map_err(|e| CliError(e.to_string()))?;
+    Ok(out)
+}
+
+fn read_ball(
+    file: &SceneFile,
+    camera: &SceneCamera,
+    loaded: Option<&Loaded>,
+    response: &Response,
+    engine: &mut dyn Engine,
+    quality: &Quality,
+    notes: &mut Vec<String>,
+) -> Result<RadianceSh, CliError> {
+    let (Some(ball), Some(loaded)) = (&file.ball, loaded) else {
+        return Err(CliError(format!(
+            "{}: ball: must be given to measure the light on it",
+            file.file.display()
+        )));
+    };
+    let picture = merge(loaded, response, engine)?;
+    let job = LightJob::Ball {
+        picture: &picture,
+        lens: &camera.lens,
+        world_from_camera: &camera.world_from_camera,
+        ball,
+        on_surface: file.ball_on_surface,
+    };
+    let measured = engine.estimate_light(&job, quality).map_err(|e| CliError(e.to_string()))?;
+    let flags = measured.flags;
+    notes.push(format!(
+        "light read from the ball: {} samples, {} saturated, {:.1} % of the sphere filled",
+        flags.texels,
+        flags.saturated_texels,
+        100.0 * flags.filled_share
+    ));
+    Ok(measured.total)
+}
+
+fn read_map(
+    file: &Path,
+    layout: MapLayout,
+    y_up: bool,
+    rotation_deg: f64,
+    engine: &mut dyn Engine,
+    quality: &Quality,
+) -> Result<RadianceSh, CliError> {
+    let radiance = pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr.radiance;
+    let job = EnvironmentMap { layout, radiance };
+    let measured =
+        engine.estimate_light(&LightJob::Map(&job), quality).map_err(|e| CliError(e.to_string()))?;
+    // y up: cube maps are left-handed as D3D and GL have them, other pictures right-handed.
+    let axes = match (y_up, layout) {
+        (false, _) => DMat3::IDENTITY,
+        (true, MapLayout::Cube) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y),
+        (true, _) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
+    };
+    let world_from_map = DMat3::from_rotation_z(rotation_deg.to_radians()) * axes;
+    let order = measured.total.order;
+    let rows = world_from_map.transpose().as_mat3().to_cols_array_2d();
+    let mut turned = [[0.0f32; 3]; MAX_COEFFICIENTS];
+    let count = order * order;
+    Rotation::new(order, rows).apply_rows(&measured.total.rgb[..count], &mut turned[..count]);
+    Ok(RadianceSh { order, rgb: turned })
+}
+
+/// A place without a picture: its surfaces in gray under the light, black beyond.
+fn gray_surfaces(file: &SceneFile, camera: &SceneCamera, light: &SplitLight) -> HdrImage {
+    let mut surfaces = SurfaceGeometry::default();
+    surfaces.load(&file.scene.surfaces);
+    let (mut rays, mut projected) = (Rays::default(), Projected::default());
+    let view = View::of(&camera.world_from_camera);
+    rays.update(&camera.lens, 1);
+    projected.prepare(&rays, &view, &surfaces.positions, &surfaces.triangles);
+    let terms = LightTerms::of(light);
+    let shade = |fragment: &Fragment| {
+        let facet = surfaces.facet_normals[fragment.triangle];
+        let normal = if facet.dot(fragment.to_eye) < 0.0 { -facet } else { facet };
+        let cosine = normal.dot(Vec3::from(terms.to_light_world)).max(0.0);
+        let soft = soft_over_pi(&terms, normal);
+        std::array::from_fn(|c| {
+            let direct = terms.direct_rgb[c] * cosine * std::f32::consts::FRAC_1_PI;
+            (GRAY_ALBEDO * (direct + soft[c])).max(0.0)
+        })
+    };
+    let mut background = HdrImage::default();
+    raster::draw_surfaces(
+        &rays,
+        &view,
+        &projected,
+        [0.0; 3],
+        shade,
+        &mut Vec::new(),
+        &mut background.radiance,
+    );
+    background.flags.reshape(camera.lens.width as usize, camera.lens.height as usize, 0);
+    background
+}

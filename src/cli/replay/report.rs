@@ -1,0 +1,211 @@
+//! The report of a run: a table for the terminal, JSON for machines, a page with plots for people.
+
+use super::statistics::{FrameNumbers, Spread, WARM_UP_FRAMES, after_warm_up, stage};
+use crate::model::estimate::LightEstimate;
+use crate::pipeline::{event::RunCounts, frame::Stage};
+use crate::plan::PassTiming;
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+/// All that a run left.
+pub struct Report {
+    /// As the user named the recording.
+    pub recording: String,
+    /// The engine in one line.
+    pub engine: String,
+    /// What went through.
+    pub counts: RunCounts,
+    /// One entry a frame.
+    pub frames: Vec<FrameNumbers>,
+    /// The last light.
+    pub light: Option<LightEstimate>,
+    /// Every pass of every frame.
+    pub passes: Vec<PassTiming>,
+    /// SHA-256 of all shown pixels.
+    pub digest: String,
+}
+
+impl Report {
+    /// Stable JSON; numbers carry units in their names.
+    pub fn json(&self) -> Value {
+        let mut stages = serde_json::Map::new();
+        for (index, s) in Stage::ALL.iter().enumerate() {
+            if let Some(spread) = stage(&self.frames, index) {
+                stages.insert(s.name().into(), json!({ "median_ms": spread.median, "p95_ms": spread.p95 }));
+            }
+        }
+        for (name, spread) in self.pass_spreads() {
+            stages.insert(name.into(), json!({ "median_ms": spread.median, "p95_ms": spread.p95 }));
+        }
+        let with_unit = |spread: Option<Spread>, unit: &str| spread.map(|s| s.json(unit));
+        let light = self.light.as_ref().map(|l| {
+            json!({
+                "order": l.total.order,
+                "sh_rgb": l.total.rows(),
+                "to_light": l.split.direct.map(|d| d.to_light_world),
+                "irradiance_rgb": l.split.direct.map(|d| d.irradiance_rgb),
+                "cone95_rad": l.cone95_rad,
+                "filled_share": l.flags.filled_share,
+                "saturated_texels": l.flags.saturated_texels,
+                "not_finite_texels": l.flags.not_finite_texels,
+            })
+        });
+        json!({
+            "recording": self.recording,
+            "engine": self.engine,
+            "frames": self.counts.frames,
+            "dropped": self.counts.lost_by_source + self.counts.passed_over,
+            "passed_through": self.counts.passed_through,
+            "warm_up_frames": WARM_UP_FRAMES,
+            "stages": stages,
+            "light": {
+                "last": light,
+                "direction_error": with_unit(after_warm_up(&self.frames, |f| f.direction_error_deg), "deg"),
+                "irradiance_error": with_unit(after_warm_up(&self.frames, |f| f.irradiance_error.map(f64::abs)), "relative"),
+            },
+            "pose": {
+                "measured_frames": self.frames.iter().filter(|f| f.pose_measured).count(),
+                "position_error": with_unit(after_warm_up(&self.frames, |f| f.position_error_mm), "mm"),
+                "rotation_error": with_unit(after_warm_up(&self.frames, |f| f.rotation_error_deg), "deg"),
+            },
+            "digest": self.digest,
+        })
+    }
+
+    fn pass_spreads(&self) -> Vec<(&'static str, Spread)> {
+        let mut names: Vec<&'static str> = self.passes.iter().map(|p| p.pass.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        let of = |name: &str| {
+            Spread::of(self.passes.iter().filter(|p| p.pass.name() == name).map(|p| f64::from(p.ms)))
+        };
+        names.into_iter().filter_map(|name| of(name).map(|spread| (name, spread))).collect()
+    }
+
+    /// The table for the terminal.
+    pub fn table(&self) -> String {
+        let mut out = String::new();
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "{} on {}", self.recording, self.engine);
+        let _ = writeln!(
+            out,
+            "{} frames, {} lost by the source, {} passed over, {} without virtual objects",
+            self.counts.frames,
+            self.counts.lost_by_source,
+            self.counts.passed_over,
+            self.counts.passed_through
+        );
+        let _ = writeln!(out, "\n{:<26}{:>12}{:>12}", "stage", "median ms", "p95 ms");
+        for (index, s) in Stage::ALL.iter().enumerate() {
+            if let Some(spread) = stage(&self.frames, index) {
+                let _ = writeln!(out, "{:<26}{:>12.2}{:>12.2}", s.name(), spread.median, spread.p95);
+            }
+        }
+        for (name, spread) in self.pass_spreads() {
+            let _ = writeln!(out, "  {:<24}{:>12.2}{:>12.2}", name, spread.median, spread.p95);
+        }
+        let rows = [
+            ("light direction error", "deg", after_warm_up(&self.frames, |f| f.direction_error_deg)),
+            (
+                "light E_d error",
+                "%",
+                after_warm_up(&self.frames, |f| f.irradiance_error.map(|e| e.abs() * 100.0)),
+            ),
+            ("camera position error", "mm", after_warm_up(&self.frames, |f| f.position_error_mm)),
+            ("camera rotation error", "deg", after_warm_up(&self.frames, |f| f.rotation_error_deg)),
+        ];
+        if rows.iter().any(|r| r.2.is_some()) {
+            let _ =
+                writeln!(out, "\n{:<26}{:>10}{:>10}{:>10}", "against the truth", "median", "p95", "largest");
+        }
+        for (name, unit, spread) in rows {
+            if let Some(s) = spread {
+                let _ = writeln!(out, "{name:<26}{:>10.3}{:>10.3}{:>10.3} {unit}", s.median, s.p95, s.max);
+            }
+        }
+        if let Some(light) = &self.light {
+            match &light.split.direct {
+                Some(d) => {
+                    let _ = writeln!(
+                        out,
+                        "\nlight comes from {:.3?} with E_d {:.3?}, 95 % cone {:.2} deg, {:.1} % of the sphere filled, {} of {} samples saturated",
+                        d.to_light_world,
+                        d.irradiance_rgb,
+                        light.cone95_rad.to_degrees(),
+                        light.flags.filled_share * 100.0,
+                        light.flags.saturated_texels,
+                        light.flags.texels
+                    );
+                }
+                None => {
+                    let _ = writeln!(out, "\nno direction dominates the light");
+                }
+            }
+        }
+        out
+    }
+
+    /// A page with the contact sheet and plots; `has_film`: whether replay.mp4 lies beside it.
+    pub fn page(&self, has_film: bool) -> String {
+        let film = if has_film {
+            "<p><video src=\"replay.mp4\" controls loop width=\"640\"></video></p>"
+        } else {
+            ""
+        };
+        let picks: [(&str, Box<dyn Fn(&FrameNumbers) -> Option<f64>>); 4] = [
+            ("Light direction error, degrees", Box::new(|f| f.direction_error_deg)),
+            ("Camera position error, millimetres", Box::new(|f| f.position_error_mm)),
+            ("Camera rotation error, degrees", Box::new(|f| f.rotation_error_deg)),
+            ("Time of a frame, milliseconds", Box::new(|f| f.stage_ms.last().map(|&ms| f64::from(ms)))),
+        ];
+        let mut plots = String::new();
+        for (title, pick) in picks {
+            let values: Vec<Option<f64>> = self.frames.iter().map(pick).collect();
+            if values.iter().any(Option::is_some) {
+                plots.push_str(&plot(title, &values));
+            }
+        }
+        format!(
+            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>half-light replay</title>\
+             <style>body{{font:15px/1.5 sans-serif;max-width:1320px;margin:2em auto;padding:0 1em;color:#222}}\
+             pre{{background:#f4f4f2;padding:1em;overflow:auto}}img{{max-width:100%}}svg{{margin:0 1em 1em 0}}</style>\
+             <h1>half-light replay</h1><p><img src=\"contact_sheet.png\" alt=\"contact sheet\"></p>{film}{plots}<pre>{}</pre></html>\n",
+            escape(&self.table())
+        )
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// A line plot over the frame number, from zero.
+fn plot(title: &str, values: &[Option<f64>]) -> String {
+    const W: f64 = 600.0;
+    const H: f64 = 180.0;
+    let top =
+        values.iter().flatten().fold(0.0_f64, |a, &b| if b.is_finite() { a.max(b) } else { a }).max(1e-9);
+    let x = |i: usize| 50.0 + (W - 60.0) * i as f64 / (values.len().max(2) - 1) as f64;
+    let y = |v: f64| H - 25.0 - (H - 50.0) * (v / top).clamp(0.0, 1.0);
+    let mut path = String::new();
+    let mut pen_down = false;
+    for (i, value) in values.iter().enumerate() {
+        match value {
+            Some(v) if v.is_finite() => {
+                path.push_str(&format!("{}{:.1} {:.1} ", if pen_down { 'L' } else { 'M' }, x(i), y(*v)));
+                pen_down = true;
+            }
+            _ => pen_down = false,
+        }
+    }
+    format!(
+        "<svg width=\"{W}\" height=\"{H}\" font-family=\"sans-serif\" font-size=\"12\"><text x=\"50\" y=\"14\">{title}</text>\
+         <path d=\"M50 25V{b}H{r}\" fill=\"none\" stroke=\"#999\"/><text x=\"45\" y=\"30\" text-anchor=\"end\">{top:.2}</text>\
+         <text x=\"45\" y=\"{b}\" text-anchor=\"end\">0</text><text x=\"{r}\" y=\"{t}\" text-anchor=\"end\">frame {last}</text>\
+         <path d=\"{path}\" fill=\"none\" stroke=\"#0a6\" stroke-width=\"1.5\"/></svg>",
+        b = H - 25.0,
+        r = W - 10.0,
+        t = H - 8.0,
+        last = values.len().saturating_sub(1),
+    )
+}

@@ -1,0 +1,369 @@
+//! The one table of keys: name, unit, range, effect, and where the value goes.
+
+use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
+use toml::Value;
+
+/// What a key may hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// An integer from min to max.
+    Integer(i64, i64),
+    /// One of these integers.
+    IntegerChoice(&'static [i64]),
+    /// A number from min to max.
+    Real(f64, f64),
+    /// 1 to 9 numbers, each from min to max.
+    Reals(f64, f64),
+    /// One of these words.
+    Choice(&'static [&'static str]),
+    /// Any text.
+    Text,
+    /// A list of words out of these.
+    Words(&'static [&'static str]),
+    /// true or false.
+    Switch,
+}
+
+impl Range {
+    /// In words, as after "must be".
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Integer(min, max) => format!("an integer within {min}..={max}"),
+            Self::IntegerChoice(list) => {
+                format!("one of {}", list.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
+            }
+            Self::Real(min, max) => format!("a number within {min}..={max}"),
+            Self::Reals(min, max) => format!("a list of 1 to 9 numbers, each within {min}..={max}"),
+            Self::Choice(list) => format!("one of {}", quoted(list)),
+            Self::Text => "a text".into(),
+            Self::Words(list) => format!("a list of words out of {}", quoted(list)),
+            Self::Switch => "true or false".into(),
+        }
+    }
+
+    /// Whether a value fits.
+    pub fn admits(&self, value: &Value) -> bool {
+        match self {
+            Self::Integer(min, max) => value.as_integer().is_some_and(|v| (*min..=*max).contains(&v)),
+            Self::IntegerChoice(list) => value.as_integer().is_some_and(|v| list.contains(&v)),
+            Self::Real(min, max) => real(value).is_some_and(|v| (*min..=*max).contains(&v)),
+            Self::Reals(min, max) => value.as_array().is_some_and(|list| {
+                (1..=9).contains(&list.len())
+                    && list.iter().all(|v| real(v).is_some_and(|v| (*min..=*max).contains(&v)))
+            }),
+            Self::Choice(list) => value.as_str().is_some_and(|v| list.contains(&v)),
+            Self::Text => value.is_str(),
+            Self::Words(list) => value
+                .as_array()
+                .is_some_and(|words| words.iter().all(|v| v.as_str().is_some_and(|v| list.contains(&v)))),
+            Self::Switch => value.is_bool(),
+        }
+    }
+}
+
+fn quoted(list: &[&str]) -> String {
+    list.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
+}
+
+fn real(value: &Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|v| v as f64)).filter(|v| v.is_finite())
+}
+
+/// One key.
+pub struct Key {
+    /// `section.name`.
+    pub name: &'static str,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// What it may hold.
+    pub range: Range,
+    /// What it does.
+    pub effect: &'static str,
+    /// Reads it from settings.
+    pub read: fn(&Settings) -> Value,
+    /// Writes an admitted value into settings.
+    pub write: fn(&mut Settings, &Value),
+}
+
+const KERNELS: &[&str] = &[
+    "hdr/merge_bracket",
+    "light/unwrap_ball",
+    "light/project_sh",
+    "visibility/shadow_maps",
+    "compose/shade_object",
+    "compose/shade_surface",
+    "compose/composite",
+    "compose/tonemap",
+];
+
+fn integer(value: &Value) -> i64 {
+    value.as_integer().unwrap_or_default()
+}
+
+fn number(value: &Value) -> f64 {
+    real(value).unwrap_or_default()
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_default().to_owned()
+}
+
+fn texts(words: &[String]) -> Value {
+    Value::Array(words.iter().cloned().map(Value::String).collect())
+}
+
+fn word(word: &str) -> Value {
+    Value::String(word.to_owned())
+}
+
+macro_rules! key {
+    ($name:literal, $unit:literal, $range:expr, $effect:literal, $read:expr, $write:expr) => {
+        Key { name: $name, unit: $unit, range: $range, effect: $effect, read: $read, write: $write }
+    };
+}
+
+/// Every key, in the order of `config/default.toml`.
+pub const KEYS: &[Key] = &[
+    key!(
+        "device.camera",
+        "",
+        Range::Text,
+        "Where frames come from: \"synthetic:frames=90,seed=1\", \"replay:FILE.mcap\".",
+        |s| word(&s.camera),
+        |s, v| s.camera = text(v)
+    ),
+    key!(
+        "device.mode",
+        "",
+        Range::Choice(&["realtime", "lockstep"]),
+        "realtime: as time passes, the newest frame wins. lockstep: every frame, as fast as it goes, same result every time.",
+        |s| word(match s.mode {
+            RunMode::Realtime => "realtime",
+            RunMode::Lockstep => "lockstep",
+        }),
+        |s, v| s.mode = if text(v) == "lockstep" { RunMode::Lockstep } else { RunMode::Realtime }
+    ),
+    key!(
+        "device.frames",
+        "frames",
+        Range::Integer(0, i64::MAX),
+        "Stop after this many; 0 = when the source ends.",
+        |s| Value::Integer(s.frames as i64),
+        |s, v| s.frames = integer(v) as u64
+    ),
+    key!(
+        "camera.exposures_s",
+        "s",
+        Range::Reals(0.000_02, 1.0),
+        "Exposure times that the camera goes through in turn. Spread them by 4 to 8 (two to three stops) each; the shortest must not saturate in the light's reflection.",
+        |s| Value::Array(s.exposures_s.iter().map(|&t| Value::Float(t)).collect()),
+        |s, v| s.exposures_s = v.as_array().into_iter().flatten().map(number).collect()
+    ),
+    key!(
+        "camera.gain",
+        "",
+        Range::Real(1.0, 64.0),
+        "Analogue gain for every exposure.",
+        |s| Value::Float(s.gain),
+        |s, v| s.gain = number(v)
+    ),
+    key!(
+        "camera.response",
+        "",
+        Range::Text,
+        "How exposure becomes 8 bits: \"device\" = as the device states (sRGB where it does not), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
+        |s| word(&s.response),
+        |s, v| s.response = text(v)
+    ),
+    key!(
+        "engine.kind",
+        "",
+        Range::Choice(&["cpu", "gpu"]),
+        "Which engine computes: the CPU twins of all shaders, or the GPU.",
+        |s| word(match s.engine {
+            EngineKind::Cpu => "cpu",
+            EngineKind::Gpu => "gpu",
+        }),
+        |s, v| s.engine = if text(v) == "gpu" { EngineKind::Gpu } else { EngineKind::Cpu }
+    ),
+    key!(
+        "engine.backend",
+        "",
+        Range::Choice(&["auto", "vulkan", "gl"]),
+        "Which GPU interface; auto = Vulkan, else GL.",
+        |s| word(match s.backend {
+            BackendKind::Auto => "auto",
+            BackendKind::Vulkan => "vulkan",
+            BackendKind::Gl => "gl",
+        }),
+        |s, v| s.backend = match text(v).as_str() {
+            "vulkan" => BackendKind::Vulkan,
+            "gl" => BackendKind::Gl,
+            _ => BackendKind::Auto,
+        }
+    ),
+    key!(
+        "engine.threads",
+        "threads",
+        Range::Integer(0, 256),
+        "Threads of the CPU engine; 0 = one for each core. Results do not depend on it.",
+        |s| Value::Integer(s.threads as i64),
+        |s, v| s.threads = integer(v) as usize
+    ),
+    key!(
+        "engine.cpu_kernels",
+        "",
+        Range::Words(KERNELS),
+        "Kernels that run on their CPU twin although the engine is the GPU: finds GPU bugs.",
+        |s| texts(&s.cpu_kernels),
+        |s, v| s.cpu_kernels = v.as_array().into_iter().flatten().map(text).collect()
+    ),
+    key!(
+        "track.decimate",
+        "",
+        Range::Integer(1, 8),
+        "Tags are searched in a picture reduced by this factor; larger is faster and misses small tags.",
+        |s| Value::Integer(i64::from(s.decimate)),
+        |s, v| s.decimate = integer(v) as u32
+    ),
+    key!(
+        "track.quad_sigma_px",
+        "px",
+        Range::Real(0.0, 2.0),
+        "Blur before tags are searched; helps in noise.",
+        |s| Value::Float(s.quad_sigma_px),
+        |s, v| s.quad_sigma_px = number(v)
+    ),
+    key!(
+        "light.order",
+        "",
+        Range::Integer(2, 6),
+        "Order of the spherical harmonics: bands 0..order-1.",
+        |s| Value::Integer(s.quality.sh_order as i64),
+        |s, v| s.quality.sh_order = integer(v) as usize
+    ),
+    key!(
+        "light.threshold",
+        "",
+        Range::Real(1e-6, 0.5),
+        "Anisotropy below which no direction dominates; the directional light fades in up to 4 times this.",
+        |s| Value::Float(s.light_threshold),
+        |s, v| s.light_threshold = number(v)
+    ),
+    key!(
+        "light.gray",
+        "",
+        Range::Choice(&["rec601", "rec709"]),
+        "Weights from RGB to gray that the light's direction is taken from.",
+        |s| word(match s.gray {
+            GrayWeights::Rec601 => "rec601",
+            GrayWeights::Rec709 => "rec709",
+        }),
+        |s, v| s.gray = if text(v) == "rec709" { GrayWeights::Rec709 } else { GrayWeights::Rec601 }
+    ),
+    key!(
+        "light.filter_tau_s",
+        "s",
+        Range::Real(0.0, 10.0),
+        "Time constant of the light's filter; 0 = none. Longer is steadier and lags behind switches.",
+        |s| Value::Float(s.filter_tau_s),
+        |s, v| s.filter_tau_s = number(v)
+    ),
+    key!(
+        "light.ball_on_surface",
+        "",
+        Range::Switch,
+        "Whether the mirror ball stands on the surface: what it sees below the horizon is then replaced by the unshadowed surface.",
+        |s| Value::Boolean(s.ball_on_surface),
+        |s, v| s.ball_on_surface = v.as_bool().unwrap_or(true)
+    ),
+    key!(
+        "scene.file",
+        "",
+        Range::Text,
+        "Scene file with virtual objects and real surfaces; empty = only the surface z = 0 and no objects.",
+        |s| word(&s.scene_file),
+        |s, v| s.scene_file = text(v)
+    ),
+    key!(
+        "quality.brackets",
+        "frames",
+        Range::Integer(1, 9),
+        "Newest frames of different exposure that are merged into one HDR picture.",
+        |s| Value::Integer(s.quality.brackets as i64),
+        |s, v| s.quality.brackets = integer(v) as usize
+    ),
+    key!(
+        "quality.light_every",
+        "frames",
+        Range::Integer(1, 60),
+        "The light is measured on every n-th frame.",
+        |s| Value::Integer(i64::from(s.quality.light_every)),
+        |s, v| s.quality.light_every = integer(v) as u32
+    ),
+    key!(
+        "quality.shadow_map_texels",
+        "texels",
+        Range::Integer(64, 4096),
+        "Side of the shadow map.",
+        |s| Value::Integer(i64::from(s.quality.shadow_map_texels)),
+        |s, v| s.quality.shadow_map_texels = integer(v) as u32
+    ),
+    key!(
+        "quality.pcf_taps",
+        "taps",
+        Range::Integer(1, 8),
+        "Side of the percentage-closer filter: 4 = 4x4 taps.",
+        |s| Value::Integer(i64::from(s.quality.pcf_taps)),
+        |s, v| s.quality.pcf_taps = integer(v) as u32
+    ),
+    key!(
+        "quality.coverage_samples",
+        "samples",
+        Range::IntegerChoice(&[1, 4]),
+        "Coverage samples for each pixel at the edges of objects.",
+        |s| Value::Integer(i64::from(s.quality.coverage_samples)),
+        |s, v| s.quality.coverage_samples = integer(v) as u32
+    ),
+    key!(
+        "present.exposure_s",
+        "s",
+        Range::Real(0.0, 1.0),
+        "Exposure of the shown picture; 0 = the one of the cycle that exposes the place best.",
+        |s| Value::Float(s.shown_exposure_s),
+        |s, v| s.shown_exposure_s = number(v)
+    ),
+    key!(
+        "output.pictures",
+        "",
+        Range::Text,
+        "Folder that every shown picture is written to as PNG; empty = none.",
+        |s| word(&s.pictures_folder),
+        |s, v| s.pictures_folder = text(v)
+    ),
+];
+
+/// The manual: every key with unit, range, effect and default, as `config/default.toml` holds it.
+pub fn manual() -> String {
+    let defaults = Settings::default();
+    let mut out = String::from(
+        "# Every key of half-light with its unit, range, effect and default: the manual.\n# Made from the table in \
+         src/config/keys.rs; a test keeps both equal.\n",
+    );
+    let mut section = "";
+    for key in KEYS {
+        let (head, name) = key.name.split_once('.').unwrap_or(("", key.name));
+        if head != section {
+            section = head;
+            out.push_str(&format!("\n[{head}]\n"));
+        }
+        let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
+        out.push_str(&format!(
+            "# {}\n# Must be {}{unit}.\n{name} = {}\n",
+            key.effect,
+            key.range.describe(),
+            (key.read)(&defaults)
+        ));
+    }
+    out
+}

@@ -1,0 +1,113 @@
+//! Settings as meant.
+
+use crate::model::quality::Quality;
+
+/// All settings of the daemon. Built by `resolve`; every field lies within the range that `keys` states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// `device.camera`
+    pub camera: String,
+    /// `device.mode`
+    pub mode: RunMode,
+    /// `device.frames`; 0 = until the source ends.
+    pub frames: u64,
+    /// `camera.exposures_s`
+    pub exposures_s: Vec<f64>,
+    /// `camera.gain`
+    pub gain: f64,
+    /// `camera.response`
+    pub response: String,
+    /// `engine.kind`
+    pub engine: EngineKind,
+    /// `engine.backend`
+    pub backend: BackendKind,
+    /// `engine.threads`; 0 = one for each core.
+    pub threads: usize,
+    /// `engine.cpu_kernels`
+    pub cpu_kernels: Vec<String>,
+    /// `track.decimate`
+    pub decimate: u32,
+    /// `track.quad_sigma_px`
+    pub quad_sigma_px: f64,
+    /// `light.threshold`
+    pub light_threshold: f64,
+    /// `light.gray`
+    pub gray: GrayWeights,
+    /// `light.filter_tau_s`
+    pub filter_tau_s: f64,
+    /// `light.ball_on_surface`
+    pub ball_on_surface: bool,
+    /// `present.exposure_s`; 0 = the best exposed one of the cycle.
+    pub shown_exposure_s: f64,
+    /// `scene.file`; empty = no virtual objects.
+    pub scene_file: String,
+    /// `output.pictures`; empty = none.
+    pub pictures_folder: String,
+    /// The keys of `quality.*`.
+    pub quality: Quality,
+}
+
+/// How frames are fed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunMode {
+    /// Every frame, one after the other, time from the frames.
+    Lockstep,
+    /// As time passes; the newest frame wins.
+    Realtime,
+}
+
+/// Which engine computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EngineKind {
+    /// The CPU twins.
+    Cpu,
+    /// wgpu.
+    Gpu,
+}
+
+/// Which GPU interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BackendKind {
+    /// Vulkan, else GL.
+    Auto,
+    /// Vulkan.
+    Vulkan,
+    /// OpenGL (ES) 3.1 or later.
+    Gl,
+}
+
+/// Weights from RGB to gray for the light's direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GrayWeights {
+    /// 0.3, 0.59, 0.11: Eq. 10 of [Now11].
+    Rec601,
+    /// 0.2126, 0.7152, 0.0722.
+    Rec709,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            camera: "synthetic:".into(),
+            mode: RunMode::Realtime,
+            frames: 0,
+            exposures_s: vec![0.000_25, 0.002, 0.016],
+            gain: 1.0,
+            response: "device".into(),
+            engine: EngineKind::Cpu,
+            backend: BackendKind::Auto,
+            threads: 0,
+            cpu_kernels: Vec::new(),
+            decimate: 2,
+            quad_sigma_px: 0.8,
+            light_threshold: 1e-3,
+            gray: GrayWeights::Rec601,
+            filter_tau_s: 0.2,
+            ball_on_surface: true,
+            shown_exposure_s: 0.0,
+            scene_file: String::new(),
+            pictures_folder: String::new(),
+            quality: Quality::default(),
+        }
+    }
+}

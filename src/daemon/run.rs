@@ -1,0 +1,122 @@
+//! Runs the pipeline as the settings say.
+
+use super::{engines, picture_folder::PictureFolder};
+use crate::assets::scene as scene_file;
+use crate::config::settings::{RunMode, Settings};
+use crate::device::{
+    Clock, FrameSource,
+    clock::{ManualClock, MonotonicClock},
+    open,
+};
+use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
+use crate::pipeline::{
+    Options, Pipeline, PipelineError,
+    event::{FrameSink, RunCounts, run as run_events},
+    feed::{Lockstep, Realtime},
+};
+use crate::plan::PassTiming;
+use std::path::Path;
+
+/// A pipeline with the source that feeds it.
+pub struct Prepared {
+    /// Where frames come from.
+    pub source: Box<dyn FrameSource>,
+    /// What they go through.
+    pub pipeline: Pipeline,
+    /// The engine in one line.
+    pub engine: String,
+}
+
+/// Opens the devices and the engine and loads the scene.
+pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
+    let opened = open::open(&settings.camera)?;
+    let mut source = opened.frames;
+    let wanted: Vec<Exposure> =
+        settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
+    let cycle = source.set_exposures(&wanted)?;
+    let shown_exposure = (settings.shown_exposure_s > 0.0)
+        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
+    let response = response_of(settings, source.as_ref())?;
+    let (scene, rig) = scene_and_rig(settings, source.as_ref())?;
+    let mut engine =
+        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
+    engine.load_scene(&scene)?;
+    let description = engine.description();
+    let options = Options {
+        quality: settings.quality,
+        light_threshold: settings.light_threshold as f32,
+        rec709: settings.gray == crate::config::settings::GrayWeights::Rec709,
+        filter_tau_s: settings.filter_tau_s,
+        ball_on_surface: settings.ball_on_surface,
+        exposures_in_cycle: cycle.len(),
+        shown_exposure,
+        decimate: settings.decimate as f32,
+        quad_sigma_px: settings.quad_sigma_px as f32,
+    };
+    let pipeline = Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
+    Ok(Prepared { source, pipeline, engine: description })
+}
+
+fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
+    match settings.response.as_str() {
+        "device" => Ok(source.response().unwrap_or_else(|| {
+            tracing::warn!(
+                "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
+                settings.camera
+            );
+            Response::srgb()
+        })),
+        "srgb" => Ok(Response::srgb()),
+        file => {
+            crate::assets::response::load(Path::new(file)).map_err(|e| PipelineError::Setup(e.to_string()))
+        }
+    }
+}
+
+/// The scene's objects and surfaces with the rig that the device or the scene file knows.
+fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene, Rig), PipelineError> {
+    let rig = source.rig();
+    if settings.scene_file.is_empty() {
+        let rig = rig.ok_or_else(|| {
+            PipelineError::Setup(format!(
+                "{}: knows no lens or tags; name a scene.file that does",
+                settings.camera
+            ))
+        })?;
+        return Ok((Scene::default(), rig));
+    }
+    let file =
+        scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
+    let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
+    Ok((file.scene_with_ball(rig.ball.as_ref()), rig))
+}
+
+/// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.
+pub fn run(
+    mut prepared: Prepared,
+    settings: &Settings,
+    sink: &mut dyn FrameSink,
+) -> Result<(RunCounts, Vec<PassTiming>), PipelineError> {
+    let counts = match settings.mode {
+        RunMode::Lockstep => {
+            let mut clock = ManualClock::default();
+            let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
+            run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
+        }
+        RunMode::Realtime => {
+            // Recordings and the synthetic room deliver at once; a camera has its own pace.
+            let pace: Box<dyn Clock> = Box::new(MonotonicClock::default());
+            let mut feed = Realtime::start(prepared.source, Some(pace));
+            run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
+        }
+    }?;
+    Ok((counts, prepared.pipeline.take_passes()))
+}
+
+/// The whole daemon: settings in, run to the end.
+pub fn run_daemon(settings: &Settings) -> Result<RunCounts, PipelineError> {
+    let prepared = prepare(settings)?;
+    tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
+    let mut sink = PictureFolder::new(&settings.pictures_folder)?;
+    run(prepared, settings, &mut sink).map(|(counts, _)| counts)
+}

@@ -1,0 +1,114 @@
+//! The light of the place, frame by frame: slide, merge, read, follow, split. What cannot be measured is held.
+
+use super::{Options, PipelineError};
+use crate::device::Clock;
+use crate::engine::{Bracket, Engine, LightJob};
+use crate::hdr::sliding::SlidingMerge;
+use crate::light::follow::Follow;
+use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
+use crate::model::{
+    estimate::{LightEstimate, PoseEstimate, Provenance},
+    frame::RawFrame,
+    image::HdrImage,
+    quality::Quality,
+    response::Response,
+    rig::Rig,
+    time::Timestamp,
+};
+
+/// The light stage and the linear picture that it is read from.
+pub struct Lighting {
+    sliding: SlidingMerge,
+    follow: Follow,
+    picture: HdrImage,
+    quality: Quality,
+    on_surface: bool,
+    /// Frames that make a whole bracket.
+    full_bracket: usize,
+    /// Frames in the last bracket.
+    bracket: usize,
+    refused: u64,
+}
+
+impl Lighting {
+    /// Empty: no frame, no light.
+    pub fn new(rig: &Rig, options: &Options) -> Self {
+        let split = SplitOptions {
+            least_anisotropy: options.light_threshold,
+            gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
+            fade_in: true,
+        };
+        Self {
+            sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),
+            follow: Follow::new(options.filter_tau_s, split),
+            picture: HdrImage::default(),
+            quality: options.quality,
+            on_surface: options.ball_on_surface,
+            full_bracket: options.quality.brackets.min(options.exposures_in_cycle.max(1)),
+            bracket: 0,
+            refused: 0,
+        }
+    }
+
+    /// Takes a frame, warps older frames of other exposures into its view, and merges them. Returns when the
+    /// warping was done, on `watch`.
+    pub fn gather(
+        &mut self,
+        frame: &RawFrame,
+        pose: Option<&PoseEstimate>,
+        engine: &mut dyn Engine,
+        response: &Response,
+        watch: &dyn Clock,
+    ) -> Result<Timestamp, PipelineError> {
+        self.sliding
+            .push(frame, pose.map(|p| p.world_from_camera))
+            .map_err(|e| PipelineError::Setup(e.to_string()))?;
+        let registered = self.sliding.registered(response);
+        let warped = watch.now();
+        let bracket = Bracket { pictures: registered.pictures(), exposures: registered.exposures() };
+        engine.merge_bracket(&bracket, response, &mut self.picture)?;
+        self.bracket = bracket.pictures.len();
+        Ok(warped)
+    }
+
+    /// The merged picture, as seen from the newest frame.
+    pub fn picture(&self) -> &HdrImage {
+        &self.picture
+    }
+
+    /// The light at `t`: measured where it is due and the pose was measured, else held. `None` before the first.
+    pub fn measure(
+        &mut self,
+        engine: &mut dyn Engine,
+        rig: &Rig,
+        pose: Option<&PoseEstimate>,
+        t: Timestamp,
+        due: bool,
+    ) -> Option<LightEstimate> {
+        let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
+        if let (true, Some(pose), Some(ball)) =
+            (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
+        {
+            let job = LightJob::Ball {
+                picture: &self.picture,
+                lens: &rig.lens,
+                world_from_camera: &pose.world_from_camera,
+                ball,
+                on_surface: self.on_surface,
+            };
+            match engine.estimate_light(&job, &self.quality) {
+                Ok(light) => {
+                    self.follow.update(t, &light.total, &light.flags);
+                }
+                Err(error) => {
+                    // The world misbehaved (the ball is out of the picture, say): hold, and say so now and then.
+                    if self.refused.is_multiple_of(100) {
+                        tracing::warn!("light held: {error}");
+                    }
+                    self.refused += 1;
+                }
+            }
+        }
+        self.follow.estimate(t)
+    }
+}

@@ -1,0 +1,152 @@
+//! From estimates to the shown picture: plan, then draw.
+
+use super::Options;
+use crate::engine::{Engine, RelightInput};
+use crate::math::{lens::Lens, pose::Pose};
+use crate::model::{
+    frame::{Exposure, RawFrame},
+    image::HdrImage,
+    light::{RadianceSh, SplitLight},
+    picture::Picture,
+    quality::Quality,
+    response::Response,
+    scene::Scene,
+    time::Timestamp,
+};
+use crate::plan::{
+    FramePlan,
+    effects::{self, Occasion},
+};
+
+/// Plans and draws.
+pub struct Presenting {
+    scene: Scene,
+    nothing: Scene,
+    plan: FramePlan,
+    picture: Picture,
+    quality: Quality,
+    shown_exposure: ShownExposure,
+}
+
+impl Presenting {
+    /// Takes the scene that the engine was given, to plan with.
+    pub fn new(scene: Scene, options: &Options) -> Self {
+        Self {
+            scene,
+            nothing: Scene::default(),
+            plan: FramePlan::default(),
+            picture: Picture::default(),
+            quality: options.quality,
+            shown_exposure: ShownExposure::new(options.shown_exposure, options.exposures_in_cycle),
+        }
+    }
+
+    /// Looks at how well a frame is exposed (only during the first cycle of exposures).
+    pub fn see(&mut self, frame: &RawFrame) {
+        self.shown_exposure.see(frame);
+    }
+
+    /// Draws the virtual objects into the picture; `Err` says why it could not.
+    #[allow(clippy::too_many_arguments, reason = "all that one picture is drawn from")]
+    pub fn relit(
+        &mut self,
+        engine: &mut dyn Engine,
+        background: &HdrImage,
+        lens: &Lens,
+        world_from_camera: &Pose,
+        light: &SplitLight,
+        response: &Response,
+        t: Timestamp,
+    ) -> Result<(), &'static str> {
+        let occasion = Occasion { camera: Some((lens, world_from_camera)), ..Occasion::SHOW };
+        effects::plan(&occasion, &self.scene, light, &self.quality, &mut self.plan);
+        let input = RelightInput {
+            background,
+            lens,
+            world_from_camera,
+            light,
+            response,
+            shown_exposure: self.shown_exposure.chosen,
+            t,
+        };
+        engine.relight(&self.plan, &input, &mut self.picture).map_err(|error| {
+            tracing::warn!("shown without virtual objects: {error}");
+            "the engine could not draw"
+        })
+    }
+
+    /// The camera picture alone at the shown exposure; if even that fails, the frame as it came.
+    pub fn passed_through(
+        &mut self,
+        engine: &mut dyn Engine,
+        background: &HdrImage,
+        lens: &Lens,
+        response: &Response,
+        frame: &RawFrame,
+    ) {
+        let dark = SplitLight { direct: None, global: RadianceSh::zero(self.quality.sh_order) };
+        effects::plan(&Occasion::SHOW, &self.nothing, &dark, &self.quality, &mut self.plan);
+        let input = RelightInput {
+            background,
+            lens,
+            world_from_camera: &Pose::IDENTITY,
+            light: &dark,
+            response,
+            shown_exposure: self.shown_exposure.chosen,
+            t: frame.t_mid,
+        };
+        if let Err(error) = engine.relight(&self.plan, &input, &mut self.picture) {
+            tracing::warn!("shown as it came: {error}");
+            self.picture.t = frame.t_mid;
+            self.picture.display.reshape(frame.pixels.width(), frame.pixels.height(), [0; 3]);
+            self.picture.display.pixels_mut().copy_from_slice(frame.pixels.pixels());
+        }
+    }
+
+    /// The last picture.
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+}
+
+/// Mean 8-bit value of a well exposed picture.
+const WELL_EXPOSED: f64 = 110.0;
+
+/// Which exposure the shown picture has.
+struct ShownExposure {
+    chosen: Exposure,
+    /// Frames still to be looked at before the choice is fixed.
+    frames_left: usize,
+    /// How far the chosen exposure's picture was from well exposed.
+    miss: f64,
+}
+
+impl ShownExposure {
+    fn new(stated: Option<Exposure>, exposures_in_cycle: usize) -> Self {
+        let frames_left = if stated.is_some() { 0 } else { exposures_in_cycle.max(1) };
+        Self {
+            chosen: stated.unwrap_or(Exposure { time_s: 1.0, gain: 1.0 }),
+            frames_left,
+            miss: f64::INFINITY,
+        }
+    }
+
+    fn see(&mut self, frame: &RawFrame) {
+        if self.frames_left == 0 {
+            return;
+        }
+        self.frames_left -= 1;
+        let pixels = frame.pixels.pixels();
+        // Every 61st pixel says enough about the mean.
+        let (mut sum, mut count) = (0.0, 0.0);
+        for pixel in pixels.iter().step_by(61) {
+            sum += pixel.iter().map(|&c| f64::from(c)).sum::<f64>() / 3.0;
+            count += 1.0;
+        }
+        let miss = (sum / f64::max(count, 1.0) - WELL_EXPOSED).abs();
+        if miss < self.miss {
+            self.miss = miss;
+            self.chosen = frame.exposure;
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! The settings manual is true, and no settings file makes the program panic.
+
+use halflight::config::{Settings, file, keys, resolve};
+use proptest::prelude::*;
+
+#[test]
+fn default_toml_is_the_manual() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/config/default.toml");
+    let manual = keys::manual();
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        std::fs::write(path, &manual).unwrap();
+    }
+    let on_disk = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(
+        on_disk == manual,
+        "config/default.toml differs from the key table; bless with: UPDATE_EXPECT=1 cargo test --test config"
+    );
+}
+
+#[test]
+fn kernel_names_are_the_plan_s() {
+    let words = keys::KEYS.iter().find(|k| k.name == "engine.cpu_kernels").unwrap();
+    let names: Vec<&str> = halflight::plan::Pass::ALL.iter().map(|p| p.name()).collect();
+    assert_eq!(words.range, keys::Range::Words(Box::leak(names.into_boxed_slice())));
+}
+
+proptest! {
+    #[test]
+    fn any_text_gives_settings_or_errors(text in "\\PC{0,200}") {
+        if let Ok(table) = file::parse(&text) {
+            let _ = resolve("any.toml", &table, &Settings::default());
+        }
+    }
+
+    #[test]
+    fn any_value_of_a_known_key_is_judged(index in 0..keys::KEYS.len(), number in any::<f64>(), whole in any::<i64>(), word in "[a-z]{0,8}") {
+        let (section, name) = keys::KEYS[index].name.split_once('.').unwrap();
+        for value in [toml::Value::Float(number), toml::Value::Integer(whole), toml::Value::String(word), toml::Value::Array(vec![])] {
+            let mut inner = toml::Table::new();
+            inner.insert(name.into(), value.clone());
+            let mut table = toml::Table::new();
+            table.insert(section.into(), toml::Value::Table(inner));
+            match resolve("any.toml", &table, &Settings::default()) {
+                Ok(settings) => prop_assert!(keys::KEYS[index].range.admits(&(keys::KEYS[index].read)(&settings))),
+                Err(errors) => prop_assert!(errors.to_string().contains(keys::KEYS[index].name)),
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The scene file: every key is understood, every mistake is named, no text makes the program panic.
+
+mod support;
+
+use glam::Vec3;
+use halflight::assets::scene::{LightSource, load, parse};
+use halflight::math::lens::Lens;
+use halflight::model::{light::MapLayout, rig::Rig, scene::Material};
+use proptest::prelude::*;
+use std::path::Path;
+
+const DESK: &str = include_str!("scenes/desk.toml");
+
+const EVERY_KEY: &str = r#"
+[camera]
+lens = { width = 640, height = 480, fx = 650.0, fy = 651.0, cx = 320.0, cy = 240, distortion = [-0.2, 0.05, 0.001, 0.002, 0.01] }
+position = [0.0, -0.6, 0.4]
+look_at = [0.0, 0.0, 0.0]
+up = [0, 0, 1]
+pictures = ["a.jpg", "b.jpg"]
+exposures_s = [0.01, 0.04]
+response = "solve"
+[light]
+file = "room.hdr"
+layout = "angular"
+up = "y"
+rotation_deg = 30.0
+[ball]
+centre = [-0.2, 0.04, 0.06]
+radius_m = 0.06
+reflectance_rgb = [0.9, 0.9, 0.8]
+on_surface = false
+[[tag]]
+id = 3
+side_m = 0.1
+position = [0.5, 0.0, 0.0]
+yaw_deg = 90.0
+[[surface]]
+name = "wall"
+shape = "quad"
+corners = [[0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1]]
+receives_shadow = false
+[[object]]
+shape = "sphere"
+radius_m = 0.1
+position = [0.3, 0.2, 0.5]
+scale = 2.0
+material = { kind = "phong", albedo_rgb = [0.1, 0.2, 0.3], specular_rgb = [0.2, 0.2, 0.2], exponent = 40 }
+[[object]]
+shape = "box"
+size = [0.2, 0.4, 0.6]
+origin = "file"
+yaw_deg = 90
+material = { kind = "mirror", reflectance_rgb = [0.9, 0.9, 0.9] }
+"#;
+
+fn bounds(object: &halflight::model::scene::VirtualObject) -> (Vec3, Vec3) {
+    let points = object.mesh.positions.iter().map(|&p| object.world_from_object.transform_point3(p));
+    points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+}
+
+#[test]
+fn every_key_is_understood() {
+    let scene = parse(Path::new("folder/all.toml"), EVERY_KEY).unwrap();
+    let camera = scene.camera.as_ref().unwrap();
+    assert_eq!((camera.lens.width, camera.lens.fy, camera.lens.cy), (640, 651.0, 240.0));
+    assert_eq!(camera.pictures.files[1], Path::new("folder/b.jpg"));
+    assert_eq!(camera.pictures.exposures_s, [0.01, 0.04]);
+    let forward = camera.world_from_camera.rotate(glam::DVec3::Z);
+    assert!(forward.abs_diff_eq(glam::DVec3::new(0.0, 0.6, -0.4).normalize(), 1e-12));
+    let LightSource::File { layout, y_up, rotation_deg, .. } = &scene.light else {
+        panic!("{:?}", scene.light)
+    };
+    assert_eq!((*layout, *y_up, *rotation_deg), (MapLayout::Angular, true, 30.0));
+    assert!(!scene.ball_on_surface);
+    // The tag lies flat with its picture up: its z goes down, and 90 degrees turn its x to +y.
+    let tag = &scene.tags[0];
+    assert!(tag.world_from_tag.rotate(glam::DVec3::Z).abs_diff_eq(-glam::DVec3::Z, 1e-12));
+    assert!(tag.world_from_tag.rotate(glam::DVec3::X).abs_diff_eq(glam::DVec3::Y, 1e-12));
+    let [sphere, cuboid] = &scene.scene.objects[..] else { panic!() };
+    let (low, high) = bounds(sphere);
+    assert!(
+        low.abs_diff_eq(Vec3::new(0.1, 0.0, 0.5), 2e-3) && high.abs_diff_eq(Vec3::new(0.5, 0.4, 0.9), 2e-3),
+        "{low} {high}"
+    );
+    assert!(matches!(sphere.material, Material::Phong { exponent: 40.0, .. }));
+    assert_eq!(sphere.openness.len(), sphere.mesh.positions.len());
+    let (low, high) = bounds(cuboid);
+    assert!(
+        low.abs_diff_eq(Vec3::new(-0.2, -0.1, -0.3), 1e-6)
+            && high.abs_diff_eq(Vec3::new(0.2, 0.1, 0.3), 1e-6)
+    );
+    assert!(!scene.scene.surfaces[0].receives_shadow);
+}
+
+#[test]
+fn all_mistakes_are_told_at_once() {
+    let text = EVERY_KEY
+        .replace("side_m = 0.1", "side_m = -1")
+        .replace("rotation_deg", "rotation_degree")
+        .replace("kind = \"mirror\"", "kind = \"glass\"")
+        .replace("exposures_s = [0.01, 0.04]", "exposures_s = [0.01]");
+    let error = parse(Path::new("bad.toml"), &text).unwrap_err().to_string();
+    for words in [
+        "bad.toml: tag[0].side_m = -1: must be a number within 0.001..=10",
+        "light.rotation_degree = 30.0: must be a known key (did you mean rotation_deg?)",
+        "object[1].material.kind = \"glass\": must be one of \"lambert\", \"phong\", \"mirror\"",
+        "camera.exposures_s = [0.01]: must be",
+    ] {
+        assert!(error.contains(words), "{words}\nis not in\n{error}");
+    }
+}
+
+#[test]
+fn files_that_are_missing_are_named() {
+    let text = "[[object]]\nfile = \"nowhere.glb\"\n[[surface]]\nfile = \"nowhere.obj\"\n";
+    let error = parse(Path::new("x.toml"), text).unwrap_err().to_string();
+    assert!(error.contains("nowhere.glb") && error.contains("nowhere.obj"), "{error}");
+}
+
+#[test]
+fn the_rig_needs_a_lens_from_somewhere() {
+    let scene = parse(Path::new("desk.toml"), DESK).unwrap();
+    assert!(scene.rig_over(None).unwrap_err().to_string().contains("camera"));
+    let lens = Lens::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
+    let device = Rig { lens, tags: Vec::new(), ball: None };
+    assert_eq!(scene.rig_over(Some(device.clone())).unwrap(), device);
+    let all = parse(Path::new("all.toml"), EVERY_KEY).unwrap();
+    let rig = all.rig_over(Some(device)).unwrap();
+    assert_eq!((rig.lens.fx, rig.tags[0].id, rig.ball.unwrap().radius_m), (650.0, 3, 0.06));
+    assert_eq!(all.scene_with_ball(rig.ball.as_ref()).surfaces.len(), all.scene.surfaces.len() + 1);
+}
+
+#[test]
+fn objects_of_the_desk_stand_on_it() {
+    let scene = load(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/desk.toml"))).unwrap();
+    assert!(scene.scene.surfaces.iter().any(|s| s.receives_shadow));
+    for object in &scene.scene.objects {
+        let (low, high) = bounds(object);
+        assert!(low.z.abs() < 1e-6 && high.z > 0.03, "{}: {low} {high}", object.name);
+    }
+}
+
+#[test]
+fn a_robot_is_as_high_as_asked() {
+    let Some(shared) = support::shared("a_robot_is_as_high_as_asked") else { return };
+    let file = shared.join("data/models/RobotExpressive.glb");
+    let text = format!(
+        "[[object]]\nfile = {:?}\nheight_m = 0.25\nposition = [0.1, 0.2, 0.0]\n",
+        file.display().to_string()
+    );
+    let scene = parse(Path::new("robot.toml"), &text).unwrap();
+    let (low, high) =
+        scene.scene.objects.iter().map(bounds).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap();
+    assert!(low.z.abs() < 1e-5 && (high.z - 0.25).abs() < 1e-5, "{low} {high}");
+    let middle = (low + high) / 2.0;
+    assert!((middle.truncate() - glam::Vec2::new(0.1, 0.2)).length() < 1e-5, "{middle}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn any_text_is_judged(text in "\\PC{0,200}") {
+        let _ = parse(Path::new("any.toml"), &text);
+    }
+
+    #[test]
+    fn any_change_is_judged(at in 0..EVERY_KEY.len(), with in "[-a-z0-9\\[\\]{}=\". ]{0,3}") {
+        // Without openness rays this would be quicker; a broken text mostly fails before them.
+        let text = EVERY_KEY.replace("\"sphere\"", "\"cone\"");
+        if text.is_char_boundary(at.min(text.len())) {
+            let at = at.min(text.len());
+            let mut changed = text.clone();
+            changed.insert_str(at, &with);
+            prop_assert!(parse(Path::new("any.toml"), &changed).is_err());
+        }
+    }
+}
