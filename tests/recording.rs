@@ -1,5 +1,7 @@
 //! Recordings: what goes in comes out; damaged files give what is whole, or a clear error, and never a panic.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use glam::{DQuat, DVec3};
 use halflight::device::recording::{PictureCoding, RecordingReader, RecordingWriter, Setup, Topic, Written};
 use halflight::device::replay::{ReplayImu, ReplaySource};
@@ -54,7 +56,7 @@ fn setup() -> Setup {
 
 fn frame(i: u64) -> RawFrame {
     let pixels = (0..SIZE.0 * SIZE.1)
-        .map(|p| std::array::from_fn(|c| ((p * 7 + c * 31) as u64 * (i + 3) * 2_654_435_761 >> 13) as u8))
+        .map(|p| std::array::from_fn(|c| (((p * 7 + c * 31) as u64 * (i + 3) * 2_654_435_761) >> 13) as u8))
         .collect();
     RawFrame {
         sequence: i,
@@ -395,4 +397,32 @@ fn the_file_is_a_sound_mcap_file_to_another_reader() {
         .filter(|m| m.as_ref().is_ok_and(|m| m.channel.topic == "/camera/image"))
         .count();
     assert_eq!(images, 75);
+}
+
+#[test]
+fn the_bundled_recording_is_whole() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/recordings/desk.mcap");
+    // At most 10 MB go into the repository.
+    assert!(std::fs::metadata(path).unwrap().len() <= 10_000_000);
+    let opened = halflight::device::open::open(path).unwrap();
+    let (mut frames, mut imu) = (opened.frames, opened.imu.unwrap());
+    assert_eq!(frames.frames_left(), Some(90));
+    let rig = frames.rig().unwrap();
+    assert_eq!((rig.lens.width, rig.lens.height, rig.tags.len()), (640, 480, 1));
+    assert!(rig.ball.is_some() && frames.response().is_some());
+    let cycle = frames.set_exposures(&[]).unwrap();
+    assert_eq!(cycle.len(), 3);
+    let mut light = None;
+    for i in 0..90u64 {
+        let frame = frames.next_frame(NEVER).unwrap();
+        assert_eq!((frame.sequence, frame.exposure), (i, cycle[i as usize % 3]));
+        let truth = frames.truth().unwrap();
+        assert_eq!(truth.pose.t, frame.t_mid);
+        assert_eq!(*light.get_or_insert(truth.light), truth.light);
+    }
+    assert_eq!(frames.next_frame(NEVER).unwrap_err().kind, ErrorKind::Ended);
+    let mut samples = Vec::new();
+    imu.samples_until(NEVER, &mut samples).unwrap();
+    // 200 a second over 3 s and a little before.
+    assert!((600..700).contains(&samples.len()) && imu.imu_truth().is_some());
 }

@@ -1,5 +1,7 @@
 //! The synthetic room against its own truth: where things appear, how bright, how they move.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use glam::{DQuat, DVec2, DVec3};
 use halflight::device::synthetic::{self, Options, PAPER_SIDE_M, TAG_SIDE_M};
 use halflight::device::{ErrorKind, FrameSource, ImuSource};

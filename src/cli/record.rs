@@ -171,6 +171,12 @@ pub fn report(
     Ok(())
 }
 
+/// The file that a device name reads, if it reads one.
+fn replayed(device: &str) -> PathBuf {
+    let rest = device.strip_prefix("replay:").unwrap_or(device);
+    crate::device::replay::ReplayOptions::parse(rest).map(|o| o.path).unwrap_or_default()
+}
+
 /// Runs `halflight record`.
 pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let a = &arguments;
@@ -178,6 +184,11 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
     }
     let coding = a.coding.chosen()?;
+    if let (Ok(from), Ok(to)) = (replayed(&a.device).canonicalize(), a.out.canonicalize())
+        && from == to
+    {
+        return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
+    }
     let opened = open::open(&a.device).map_err(|e| CliError(e.to_string()))?;
     let setup = Setup {
         rig: opened.frames.rig(),

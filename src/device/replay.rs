@@ -4,6 +4,7 @@ use super::parameters::Parameters;
 use super::recording::{
     Damage, RecordingReader, Topic,
     messages::{self, ExposureNote},
+    pictures,
     reader::Message,
 };
 use super::{DeviceError, ErrorKind, FrameSource, ImuSource, ImuTruth, Truth};
@@ -207,7 +208,7 @@ impl<R: Read + Seek> ReplaySource<R> {
         if self.last.is_some_and(|last| note.t_mid <= last) {
             return Err(format!("the picture at {t} ns does not come after the one before"));
         }
-        let pixels = messages::read_image(&message.schema, &message.content)?;
+        let pixels = pictures::read_image(&message.schema, &message.content)?;
         let pose = self.pose.filter(|(of, _)| *of == t);
         self.truth = pose.zip(self.light.filter(|(of, _)| *of == t)).map(|((_, pose), (_, light))| Truth {
             pose: PoseEstimate { t: note.t_mid, ..pose },

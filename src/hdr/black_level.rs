@@ -102,7 +102,7 @@ mod tests {
         // and a quarter of it.
         assert_eq!(black_level(&pictures, &exposures), [22, 0, 125]);
         let clipped = clip_black(pictures[0], [19, 0, 100]);
-        assert_eq!(*clipped.at(0, 0), [0, 0, 0]);
+        assert_eq!(*clipped.at(0, 0), [0, pictures[0].at(0, 0)[1], 0]);
         assert_eq!(*clipped.at(99, 99), [pictures[0].at(99, 99)[0], pictures[0].at(99, 99)[1], 0]);
     }
 

@@ -15,9 +15,8 @@ pub(super) enum Mirrored {
 /// the ball hides it, or too near the outline to be found.
 ///
 /// The way eye - point - thing is shortest there (Fermat). Newton's method on the sphere: with unit vectors u to the
-/// eye and v to the thing, the slope is the tangential part of u + v, and the curvature (u + v).n / radius
-/// + (1 - (u.a)^2) / |eye - point| + (1 - (v.a)^2) / |thing - point| along a tangent a; its axes lie in the plane of
-/// incidence and across it. For things at infinity the result is that of `math::sphere::sphere_point_reflecting`, at
+/// eye and v to the thing, the slope is the tangential part of u + v, and the curvature along a tangent a is the sum of (u + v).n / radius,
+/// (1 - (u.a)^2) / |eye - point| and (1 - (v.a)^2) / |thing - point|; its axes lie in the plane of incidence and across it. For things at infinity the result is that of `math::sphere::sphere_point_reflecting`, at
 /// a fraction of its time when the guess is good.
 pub(super) fn point_reflecting(
     eye: DVec3,

@@ -124,6 +124,8 @@ struct Camera {
     to_ball: DVec3,
     /// Cosine of the half angle of the cone around it that holds the ball and two pixels more; 2 without a ball.
     ball_cosine: f64,
+    /// The same for cones a cell wider and a cell narrower: outside the one, and inside the other, a whole cell is.
+    cell_cosines: [f64; 2],
 }
 
 impl Camera {
@@ -136,12 +138,17 @@ impl Camera {
             ball_box,
             to_ball: DVec3::Z,
             ball_cosine: 2.0,
+            cell_cosines: [2.0; 2],
         };
         if let Some(ball) = ball {
             let centre = camera_from_world.transform(ball.centre_world);
             let half_angle = (ball.radius_m / centre.length()).min(1.0).asin() + 2.0 / lens.fx.min(lens.fy);
             camera.to_ball = centre.normalize_or(DVec3::Z);
-            camera.ball_cosine = half_angle.min(std::f64::consts::FRAC_PI_2).cos();
+            let cosine = |half_angle: f64| half_angle.min(std::f64::consts::FRAC_PI_2).cos();
+            camera.ball_cosine = cosine(half_angle);
+            let cell = CELL as f64 / lens.fx.min(lens.fy);
+            let narrower = if half_angle > cell { cosine(half_angle - cell) } else { 2.0 };
+            camera.cell_cosines = [cosine(half_angle + cell), narrower];
         }
         camera
     }
@@ -262,23 +269,33 @@ impl Warp {
             let inside = (0..2).all(|a| left[a].min(right[a]) >= ONE && left[a].max(right[a]) < size[a]);
             let maybe_hidden = (0..2)
                 .all(|a| left[a].min(right[a]) < hidden_to[a] && left[a].max(right[a]) >= hidden_from[a]);
+            let centre = std::array::from_fn(|a| (left[a] + right[a]) / 2);
+            let maybe_hidden = maybe_hidden && self.within(centre, self.older.cell_cosines[0]);
+            if maybe_hidden && self.within(centre, self.older.cell_cosines[1]) {
+                out.iter_mut().zip(newest).for_each(|(out, newest)| *out = fill.pixel(*newest));
+                continue;
+            }
             if inside && !maybe_hidden {
                 out.iter_mut().enumerate().for_each(|(k, out)| *out = sample_inside(bytes, width, at(k)));
                 continue;
             }
             for (k, (out, newest)) in out.iter_mut().zip(newest).enumerate() {
                 let at = at(k);
-                let seen = if maybe_hidden && self.hidden(at) { None } else { sample(older, at) };
+                let seen = if maybe_hidden && self.within(at, self.older.ball_cosine) {
+                    None
+                } else {
+                    sample(older, at)
+                };
                 *out = seen.unwrap_or_else(|| fill.pixel(*newest));
             }
         }
     }
 
-    /// Whether the older camera sees the ball there, or the ball's edge.
-    fn hidden(&self, at: [i32; 2]) -> bool {
+    /// Whether the older camera's ray there lies in the cone of this cosine around the ball's centre.
+    fn within(&self, at: [i32; 2], cosine: f64) -> bool {
         let ray = self.ray(at.map(|v| f64::from(v) / f64::from(ONE)));
         let along = ray.dot(self.older.to_ball);
-        along > 0.0 && along * along > self.older.ball_cosine.powi(2) * ray.length_squared()
+        along > 0.0 && along * along > cosine * cosine * ray.length_squared()
     }
 
     /// The ball's pixels in the rows of one band from row `top` on.

@@ -279,7 +279,7 @@ mod tests {
             let registered = ring.registered(&Response::srgb());
             assert_eq!(registered.pictures().len(), if k == 0 { 1 } else { 2 });
             if let Some(older) = registered.pictures().get(1) {
-                assert!(older.pixels().iter().any(|p| *p == [90; 3]), "{:?}", older.at(32, 24));
+                assert!(older.pixels().contains(&[90; 3]), "{:?}", older.at(32, 24));
                 seen.insert(older.pixels().as_ptr());
             }
         }

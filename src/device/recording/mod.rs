@@ -4,12 +4,13 @@
 //! calibration and the rig, so every whole chunk of a damaged file can be used by itself.
 
 pub mod messages;
+pub mod pictures;
 pub mod reader;
 pub mod schema;
 pub mod wire;
 pub mod writer;
 
-pub use messages::PictureCoding;
+pub use pictures::PictureCoding;
 pub use reader::{Damage, RecordingReader};
 pub use schema::Topic;
 pub use writer::{RecordingWriter, Setup, Written};

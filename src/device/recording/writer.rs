@@ -1,7 +1,8 @@
 //! Writes a recording.
 
 use super::{
-    messages::{self, PictureCoding},
+    messages,
+    pictures::{self, PictureCoding},
     schema::{Topic, schema},
 };
 use crate::device::{DeviceError, ErrorKind, ImuTruth, Truth};
@@ -105,7 +106,7 @@ impl<W: Write + Seek> RecordingWriter<W> {
             self.put(Topic::TruthPose, t, sequence, &pose)?;
             self.put(Topic::TruthLight, t, sequence, &messages::write_light(t, truth))?;
         }
-        let image = messages::write_image(t, &frame.pixels, self.coding).map_err(|e| {
+        let image = pictures::write_image(t, &frame.pixels, self.coding).map_err(|e| {
             let (w, h) = (frame.pixels.width(), frame.pixels.height());
             let action = format!("code frame {} ({w} x {h}) as {:?}", frame.sequence, self.coding);
             DeviceError::new(&self.device, action, ErrorKind::Refused).because(e)

@@ -250,6 +250,7 @@ fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64;
 }
 
 /// `window` plus what the surfaces send to this one, over side x side cosine-distributed rays.
+#[allow(clippy::too_many_arguments, reason = "one face of one pass; a struct would be built and read once")]
 fn gather(
     room: &Room,
     solid: usize,

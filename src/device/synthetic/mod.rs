@@ -132,6 +132,11 @@ impl SyntheticSource {
         self.shot(world_from_camera, self.options.exposures[0], 0).pixel(x, y).to_array()
     }
 
+    /// Exact radiance that reaches the ball's centre from a unit direction, as the true light defines it.
+    pub fn truth_radiance(&self, direction: DVec3) -> [f64; 3] {
+        truth::radiance(&self.place.room, self.place.room.ball().centre_world, direction).to_array()
+    }
+
     fn shot(&self, world_from_camera: Pose, exposure: Exposure, frame: u64) -> picture::Shot<'_> {
         picture::Shot {
             room: &self.place.room,

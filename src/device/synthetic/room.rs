@@ -87,12 +87,13 @@ pub struct Lamp {
 }
 
 impl Lamp {
-    /// Radiance that leaves in a direction: full within 22 degrees of the axis, a twentieth beyond 50.
+    /// Radiance that leaves in a direction: full within 8 degrees of the axis, a seventh beyond 40.
     pub fn radiance(&self, leaving: DVec3) -> DVec3 {
-        const INNER: f64 = 0.927_18;
-        const OUTER: f64 = 0.642_79;
+        const INNER: f64 = 0.990_27;
+        const SPILL: f64 = 0.14;
+        const OUTER: f64 = 0.766_04;
         let t = ((leaving.dot(self.axis) - OUTER) / (INNER - OUTER)).clamp(0.0, 1.0);
-        self.radiance * (0.05 + 0.95 * t * t * (3.0 - 2.0 * t))
+        self.radiance * (SPILL + (1.0 - SPILL) * t * t * (3.0 - 2.0 * t))
     }
 }
 

@@ -66,7 +66,7 @@ pub fn light_at_ball(room: &Room) -> RadianceSh {
 }
 
 /// Radiance of the place as defined for the truth.
-fn radiance(room: &Room, origin: DVec3, d: DVec3) -> DVec3 {
+pub fn radiance(room: &Room, origin: DVec3, d: DVec3) -> DVec3 {
     if d.z < 0.0 {
         let foot = origin.truncate() - d.truncate() * (origin.z / d.z);
         if let Some(table) = foot.is_finite().then_some(foot).and_then(|p: DVec2| room.bare_table_radiance(p))

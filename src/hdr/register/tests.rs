@@ -138,7 +138,7 @@ fn lenses_with_distortion_are_registered() {
     let (truth, _, out) = warped(&moved(), &still(), &bent, Some(BALL));
     let open = |x, y| {
         let r = ball_radius(&moved(), &bent, x, y);
-        r < 0.9 || r > 1.2
+        !(0.9..=1.2).contains(&r)
     };
     let (worst, mean, count) = differences(&truth, &out, open);
     // Measured: 16 (on the ball), 0.42.
