@@ -398,6 +398,11 @@ fn drawing_matches(mut engine: GpuEngine, cpu: &mut CpuEngine) -> GpuEngine {
                 && found.beyond_one <= most.beyond_one
                 && found.mean <= most.mean;
             assert!(within, "{what}, allowed {most:?}");
+            if own.is_none() {
+                let again = shot.draw(&mut engine);
+                assert_eq!(again.radiance, device.radiance, "{what}: the same every time");
+                assert_eq!(again.display, device.display, "{what}: the same every time");
+            }
         }
     }
     engine.with_cpu_kernels(&[]).expect("no kernel")

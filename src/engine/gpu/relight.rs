@@ -18,7 +18,6 @@ use super::{
 use crate::{
     compose::{raster, shade_object::LightTerms},
     engine::{EngineError, RelightInput, cpu},
-    math::lens::Distortion,
     model::{picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
     visibility::shadow_maps::ShadowCamera,
@@ -92,12 +91,12 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
-        let distorted_eye = (input.lens.distortion != Distortion::None).then_some(camera.eye);
         if [Pass::ShadowMaps, Pass::ShadeObject, Pass::ShadeSurface]
             .iter()
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
-            self.scene.update(context, &self.twins.objects, &self.twins.surfaces, distorted_eye);
+            let cut = self.domain.cut(input.lens, &camera);
+            self.scene.update(context, &self.twins.objects, &self.twins.surfaces, cut);
         }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
 

@@ -1,8 +1,8 @@
 //! The scene on the device: vertex and index buffers, uploaded when the scene changes.
 //!
 //! The rasteriser draws straight edges. Through a lens with distortion they should bow, so for such lenses
-//! edges that look long from the eye are halved until their bow is far below a pixel; through a pinhole the
-//! triangles stay as they are.
+//! what is in view is cut anew for every pose, until no edge looks long from the eye; through a pinhole the triangles
+//! stay as they are.
 
 use std::{
     collections::HashMap,
@@ -21,15 +21,10 @@ use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
 
 /// Bytes from one material to the next: the largest alignment that a device may ask for.
 pub const MATERIAL_STRIDE: usize = 256;
-/// Longest edge for a lens with distortion, as a share of its distance from the eye. The bow of an edge is
-/// about share^2 / 8 x focal length x curvature of the distortion: below 0.1 px for f = 800 px.
-const LONGEST_SHARE: f32 = 0.03;
 /// Shorter edges are never cut, metres.
 const SHORTEST_CUT_M: f32 = 1e-3;
 /// Triangles at most after cutting.
 const MOST_TRIANGLES: usize = 400_000;
-/// The meshes are cut anew when the eye has moved by this share of its distance to the scene.
-const RECUT_SHARE: f32 = 0.1;
 
 /// Indexed triangles on the device.
 struct Mesh {
@@ -60,15 +55,45 @@ impl Mesh {
     }
 }
 
+/// How meshes are cut: from where they are seen, and how long an edge may look from there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// Camera's position, world frame, metres.
+    pub eye: Vec3,
+    /// Camera's axis, unit, world frame.
+    pub axis: Vec3,
+    /// Half angle of a cone around the axis; what lies outside of it is left out.
+    pub half_angle_rad: f32,
+    /// Length over distance.
+    pub longest_rad: f32,
+}
+
+impl Cut {
+    /// Whether a triangle may reach into the cone.
+    fn may_see(&self, corners: [Vec3; 3]) -> bool {
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let radius = corners.iter().map(|c| c.distance(centre)).fold(0.0, f32::max);
+        let to_centre = centre - self.eye;
+        let distance = to_centre.length();
+        distance <= radius
+            || (self.axis.dot(to_centre) / distance).clamp(-1.0, 1.0).acos()
+                <= self.half_angle_rad + (radius / distance).asin()
+    }
+}
+
 /// Objects and surfaces on the device.
 pub struct SceneBuffers {
+    /// All objects as they are: what casts shadows.
+    casters: Mesh,
+    /// Objects in view, cut; unused through a pinhole.
     objects: Mesh,
+    /// Surfaces, cut where need be.
     surfaces: Mesh,
     /// For each object its indices and its material.
     draws: Vec<(Range<u32>, u32)>,
     materials: GrowingBuffer,
-    /// Whether the scene is there, and the eye for which it was cut.
-    uploaded: Option<Option<Vec3>>,
+    /// Whether the scene is there, and for what it was cut.
+    uploaded: Option<Option<Cut>>,
     /// Boxes around objects and surfaces: low and high corner.
     boxes: Vec<(Vec3, Vec3)>,
 }
@@ -77,6 +102,7 @@ impl SceneBuffers {
     /// Nothing yet.
     pub const fn new() -> Self {
         Self {
+            casters: Mesh::new(),
             objects: Mesh::new(),
             surfaces: Mesh::new(),
             draws: Vec::new(),
@@ -91,32 +117,29 @@ impl SceneBuffers {
         self.uploaded = None;
     }
 
-    /// Uploads the scene unless it is there already. `distorted_eye`: where the camera is, if its lens has
-    /// distortion.
+    /// Uploads the scene unless it is there already; `cut`: if the lens has distortion.
     pub fn update(
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
         surfaces: &SurfaceGeometry,
-        distorted_eye: Option<Vec3>,
+        cut: Option<Cut>,
     ) {
-        let good = match (self.uploaded, distorted_eye) {
-            (Some(None), None) => true,
-            (Some(Some(old)), Some(new)) => old.distance(new) <= RECUT_SHARE * self.near_m(new),
-            _ => false,
-        };
-        if good {
+        if self.uploaded == Some(cut) {
             return;
         }
-        self.boxes.clear();
-        self.boxes.extend(box_around(&objects.positions));
-        self.boxes.extend(box_around(&surfaces.positions));
-        self.upload_objects(context, objects, distorted_eye);
-        self.upload_surfaces(context, surfaces, distorted_eye);
-        self.uploaded = Some(distorted_eye);
+        if self.uploaded.is_none() {
+            self.boxes.clear();
+            self.boxes.extend(box_around(&objects.positions));
+            self.boxes.extend(box_around(&surfaces.positions));
+            self.upload_materials(context, objects);
+        }
+        self.upload_objects(context, objects, cut);
+        self.upload_surfaces(context, surfaces, cut);
+        self.uploaded = Some(cut);
     }
 
-    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, eye: Option<Vec3>) {
+    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, cut: Option<Cut>) {
         let vertices = objects.positions.iter().zip(&objects.normals).zip(&objects.tint_openness);
         let mut vertices: Vec<_> = vertices
             .map(|((position, normal), &tint_openness)| ObjectVertex {
@@ -125,10 +148,15 @@ impl SceneBuffers {
                 tint_openness,
             })
             .collect();
-        let mut triangles: Vec<_> =
-            objects.triangles.iter().copied().zip(objects.material_of_triangle.iter().copied()).collect();
-        if let Some(eye) = eye {
-            triangles = cut_long_edges(&mut vertices, &triangles, eye);
+        if self.uploaded.is_none() {
+            self.casters.write(context, &vertices, &objects.triangles);
+        }
+        let materials = objects.material_of_triangle.iter().copied();
+        let mut triangles: Vec<_> = objects.triangles.iter().copied().zip(materials).collect();
+        if let Some(cut) = cut {
+            triangles = cut_long_edges(&mut vertices, &triangles, cut);
+            let triangles: Vec<_> = triangles.iter().map(|&(corners, _)| corners).collect();
+            self.objects.write(context, &vertices, &triangles);
         }
         self.draws.clear();
         for (number, &(_, material)) in (0u32..).zip(&triangles) {
@@ -137,9 +165,9 @@ impl SceneBuffers {
                 _ => self.draws.push((3 * number..3 * (number + 1), material)),
             }
         }
-        let triangles: Vec<_> = triangles.into_iter().map(|(corners, _)| corners).collect();
-        self.objects.write(context, &vertices, &triangles);
+    }
 
+    fn upload_materials(&mut self, context: &GpuContext, objects: &ObjectGeometry) {
         let mut bytes = vec![0; MATERIAL_STRIDE * objects.materials.len().max(1)];
         for (slot, m) in bytes.chunks_exact_mut(MATERIAL_STRIDE).zip(&objects.materials) {
             let [a, b, c, d, e, f] = m.lobe;
@@ -154,7 +182,7 @@ impl SceneBuffers {
         self.materials.write(context, &bytes);
     }
 
-    fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, eye: Option<Vec3>) {
+    fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, cut: Option<Cut>) {
         let mut receives = vec![0.0f32; surfaces.positions.len()];
         // Surfaces share no vertices, so each vertex lies in triangles of one kind only.
         for (corners, &flag) in surfaces.triangles.iter().zip(&surfaces.receives) {
@@ -170,8 +198,8 @@ impl SceneBuffers {
             })
             .collect();
         let mut triangles: Vec<_> = surfaces.triangles.iter().map(|&corners| (corners, ())).collect();
-        if let Some(eye) = eye {
-            triangles = cut_long_edges(&mut vertices, &triangles, eye);
+        if let Some(cut) = cut {
+            triangles = cut_long_edges(&mut vertices, &triangles, cut);
         }
         let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
         self.surfaces.write(context, &vertices, &triangles);
@@ -182,23 +210,25 @@ impl SceneBuffers {
         self.materials.at_least(context, 0).clone()
     }
 
-    /// Draws all objects at once.
-    pub fn draw_objects(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.objects.count > 0 {
-            self.objects.bind(context, pass);
-            pass.draw_indexed(0..self.objects.count, 0, 0..1);
+    /// Draws all that casts shadows.
+    pub fn draw_casters(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        if self.casters.count > 0 {
+            self.casters.bind(context, pass);
+            pass.draw_indexed(0..self.casters.count, 0, 0..1);
         }
     }
 
     /// Draws the objects of one material after the other; `select` binds a material by its number.
-    pub fn draw_objects_by_material(
+    pub fn draw_objects(
         &mut self,
         context: &GpuContext,
         pass: &mut wgpu::RenderPass<'_>,
         mut select: impl FnMut(&mut wgpu::RenderPass<'_>, u32),
     ) {
-        if self.objects.count > 0 {
-            self.objects.bind(context, pass);
+        let cut = self.uploaded.flatten().is_some();
+        let mesh = if cut { &mut self.objects } else { &mut self.casters };
+        if mesh.count > 0 {
+            mesh.bind(context, pass);
             for (range, material) in &self.draws {
                 select(pass, *material);
                 pass.draw_indexed(range.clone(), 0, 0..1);
@@ -268,13 +298,13 @@ impl Halve for SurfaceVertex {
     }
 }
 
-/// Halves every edge that looks longer than a limit from the eye, the longest of a triangle first. Whether an edge
-/// is cut, and where, depends on the edge alone, so that neighbours stay without gaps. Pieces keep the order of
-/// their triangles.
+/// Halves every edge that looks longer than a limit from the eye, the longest of a triangle first, and leaves out
+/// what is not in view. Whether an edge is cut, and where, depends on the edge alone, so that neighbours stay without
+/// gaps. Pieces keep the order of their triangles.
 fn cut_long_edges<V: Halve, T: Copy>(
     vertices: &mut Vec<V>,
     triangles: &[([u32; 3], T)],
-    eye: Vec3,
+    cut: Cut,
 ) -> Vec<([u32; 3], T)> {
     let mut middles: HashMap<u64, u32, BuildHasherDefault<EdgeHasher>> = HashMap::default();
     let mut out = Vec::with_capacity(triangles.len());
@@ -287,9 +317,12 @@ fn cut_long_edges<V: Halve, T: Copy>(
             let excess = |k: usize| {
                 let (a, b) = ends(k);
                 let (a, b) = (vertices[a.min(b) as usize].position(), vertices[a.max(b) as usize].position());
-                let limit_m = (LONGEST_SHARE * distance_to_segment(eye, a, b)).max(SHORTEST_CUT_M);
+                let limit_m = (cut.longest_rad * distance_to_segment(cut.eye, a, b)).max(SHORTEST_CUT_M);
                 a.distance(b) / limit_m
             };
+            if !cut.may_see(corners.map(|i| vertices[i as usize].position())) {
+                continue;
+            }
             let longest = (0..3).fold(0, |best, k| if excess(k) > excess(best) { k } else { best });
             if excess(longest) <= 1.0 || out.len() + open.len() >= MOST_TRIANGLES {
                 out.push((corners, tag));
@@ -346,11 +379,28 @@ mod tests {
         SurfaceVertex { position: [x, y, 0.0, 1.0], normal: [0.0, 0.0, 1.0] }
     }
 
+    const EVERYWHERE: Cut =
+        Cut { eye: Vec3::ZERO, axis: Vec3::NEG_Z, half_angle_rad: std::f32::consts::PI, longest_rad: 1.0 };
+
+    #[test]
+    fn what_is_out_of_view_is_left_out() {
+        let mut vertices =
+            vec![vertex(-50.0, -50.0), vertex(50.0, -50.0), vertex(50.0, 50.0), vertex(-50.0, 50.0)];
+        let how = Cut { eye: 0.5 * Vec3::Z, half_angle_rad: 0.5, longest_rad: 0.05, ..EVERYWHERE };
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ()), ([0, 2, 3], ())], how);
+        assert!(cut.len() > 500 && cut.len() < 5000, "{}", cut.len());
+        for (corners, ()) in cut {
+            let centre: Vec3 =
+                corners.map(|i| vertices[i as usize].position()).into_iter().sum::<Vec3>() / 3.0;
+            assert!(centre.length() < 0.5 * 0.62f32.tan(), "{centre}");
+        }
+    }
+
     #[test]
     fn cutting_keeps_the_area_and_leaves_no_gap() {
         let mut vertices = vec![vertex(0.0, 0.0), vertex(3.0, 0.0), vertex(3.0, 1.0), vertex(0.0, 1.0)];
-        let eye = Vec3::new(1.0, 0.3, 0.4);
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], eye);
+        let how = Cut { eye: Vec3::new(1.0, 0.3, 0.4), longest_rad: 0.05, ..EVERYWHERE };
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], how);
         assert!(cut.len() > 3000 && cut.len() < 30_000, "{}", cut.len());
         let mut area = 0.0f64;
         let mut sides = HashMap::new();
@@ -361,7 +411,7 @@ mod tests {
                 let (p, q) = (corners[k], corners[(k + 1) % 3]);
                 *sides.entry((p.min(q), p.max(q))).or_insert(0) += 1;
                 let (p, q) = (vertices[p as usize].position(), vertices[q as usize].position());
-                assert!(p.distance(q) <= 1.001 * LONGEST_SHARE * distance_to_segment(eye, p, q));
+                assert!(p.distance(q) <= 1.001 * how.longest_rad * distance_to_segment(how.eye, p, q));
             }
         }
         assert!((area - 3.0).abs() < 1e-4, "{area}");
@@ -377,7 +427,8 @@ mod tests {
     #[test]
     fn edges_that_look_short_stay() {
         let mut vertices = vec![vertex(0.0, 0.0), vertex(0.025, 0.0), vertex(0.0, 0.025)];
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())], Vec3::Z);
+        let how = Cut { eye: Vec3::Z, longest_rad: 0.03, ..EVERYWHERE };
+        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())], how);
         assert_eq!((cut.len(), vertices.len()), (2, 4), "only the diagonal of 35 mm at 1 m is halved");
     }
 

@@ -96,6 +96,8 @@ impl KeptTexture {
 
     /// All texels row by row. Waits for the device; for tests and for kernels whose neighbours run on the host.
     pub fn download(&mut self, context: &GpuContext, pass: &'static str) -> Result<Vec<u8>, EngineError> {
+        // Mesa's llvmpipe on GL copies tiles that it is still drawing (seen in 1 of 50 frames): let it finish first.
+        context.wait(pass)?;
         let (width, height) = self.size();
         let row = (width * self.texel_bytes()) as usize;
         let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);

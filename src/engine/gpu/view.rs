@@ -1,8 +1,8 @@
 //! Camera, light and shadow camera as the shaders read them.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
-use super::params;
+use super::{params, scene::Cut};
 use crate::{
     compose::{raster, shade_object},
     math::lens::{Distortion, Lens},
@@ -17,18 +17,40 @@ const LARGEST_TANGENT: f64 = 600.0;
 /// Directions around the axis in which the domain is probed.
 const PROBES: u32 = 16;
 
+/// How far the middle of an edge may be drawn from where it belongs, pixels.
+const ASIDE_PX: f64 = 0.03;
+/// Angle of the edges by which that is measured, radians.
+const PROBE_EDGE_RAD: f64 = 0.02;
+/// Shortest and longest edges that are asked for, radians: between 0.01 and 0.2 nothing else is practical.
+const EDGE_RAD: std::ops::RangeInclusive<f64> = 0.01..=0.2;
+
 /// A lens with what has to be searched for it, kept while the lens stays.
 #[derive(Default)]
 pub struct LensDomain {
     lens: Option<Lens>,
     largest: f32,
+    edge_rad: f32,
+    half_angle_rad: f32,
 }
 
 impl LensDomain {
+    /// How meshes have to be cut so that their edges can be drawn straight; `None` for a pinhole.
+    pub fn cut(&mut self, lens: &Lens, view: &raster::View) -> Option<Cut> {
+        self.of(lens);
+        (lens.distortion != Distortion::None).then_some(Cut {
+            eye: view.eye,
+            axis: view.world_from_camera.z_axis,
+            half_angle_rad: self.half_angle_rad,
+            longest_rad: self.edge_rad,
+        })
+    }
+
     /// Largest squared radius on the plane z = 1 (radial) or angle (equidistant) at which the model still rises.
     fn of(&mut self, lens: &Lens) -> f32 {
         if self.lens.as_ref() != Some(lens) {
             self.lens = Some(*lens);
+            self.edge_rad = longest_edge_rad(lens) as f32;
+            self.half_angle_rad = half_angle_rad(lens) as f32;
             self.largest = match lens.distortion {
                 Distortion::None => f32::MAX,
                 Distortion::RadialTangential(_) => {
@@ -44,6 +66,47 @@ impl LensDomain {
         }
         self.largest
     }
+}
+
+/// Half angle of a cone around the axis that holds the whole picture.
+fn half_angle_rad(lens: &Lens) -> f64 {
+    const STEPS: u32 = 32;
+    let (width, height) = (f64::from(lens.width), f64::from(lens.height));
+    let border = (0..=STEPS).flat_map(|k| {
+        let t = f64::from(k) / f64::from(STEPS);
+        [(t * width, 0.0), (t * width, height), (0.0, t * height), (width, t * height)]
+    });
+    let angle =
+        |(x, y)| lens.unproject(DVec2::new(x, y)).map_or(std::f64::consts::PI, |d| d.angle_between(DVec3::Z));
+    // The rays between the probes, with room to spare.
+    border.map(angle).fold(0.0, f64::max) + 0.02
+}
+
+/// How far the middle of an edge lands from where the rasteriser puts it grows with the square of the edge's angle:
+/// measured on short edges all over the picture.
+fn longest_edge_rad(lens: &Lens) -> f64 {
+    const GRID: u32 = 8;
+    let mut shortest = *EDGE_RAD.end();
+    for cell in 0..(GRID + 1) * (GRID + 1) {
+        let share = |k: u32, size: u32| f64::from(k) / f64::from(GRID) * f64::from(size);
+        let pixel = DVec2::new(share(cell % (GRID + 1), lens.width), share(cell / (GRID + 1), lens.height));
+        let Some(middle) = lens.unproject(pixel) else { continue };
+        // Ends of equal w, so that the rasteriser's middle is the chord's.
+        let (across, along) = match lens.distortion {
+            Distortion::Equidistant(_) => middle.any_orthonormal_pair(),
+            _ => (DVec3::X, DVec3::Y),
+        };
+        for k in 0..PROBES {
+            let (sin, cos) = (f64::from(k) / f64::from(PROBES) * std::f64::consts::PI).sin_cos();
+            let half = (0.5 * PROBE_EDGE_RAD) * (across * cos + along * sin);
+            let (from, to) = (middle - half, middle + half);
+            if let (Some(a), Some(b)) = (lens.project(from), lens.project(to)) {
+                let aside_px = (pixel - 0.5 * (a + b)).length();
+                shortest = shortest.min(from.angle_between(to) * (ASIDE_PX / aside_px.max(1e-9)).sqrt());
+            }
+        }
+    }
+    shortest.max(*EDGE_RAD.start())
 }
 
 /// The largest of 0..=limit that `project` takes in every direction (x, y) around the axis.
@@ -142,6 +205,22 @@ mod tests {
         let wide = Lens { distortion: Distortion::Equidistant([0.0; 4]), ..pinhole };
         assert!((domain.of(&wide) - (std::f32::consts::PI - 1e-3)).abs() < 1e-6);
         assert_eq!(domain.of(&pinhole), f32::MAX);
+    }
+
+    #[test]
+    fn edges_are_as_short_as_the_distortion_asks() {
+        let pinhole = Lens::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
+        let mut domain = LensDomain::default();
+        let view = raster::View::of(&crate::math::pose::Pose::IDENTITY);
+        assert_eq!(domain.cut(&pinhole, &view), None);
+        let bent = |k1: f64| {
+            let distortion = Distortion::RadialTangential([k1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            Lens { distortion, ..pinhole }
+        };
+        let mut edge = |k1| domain.cut(&bent(k1), &view).expect("distorted").longest_rad;
+        let (weak, strong) = (edge(-0.01), edge(-0.25));
+        // The bow is proportional to k1, the edge to its root.
+        assert!(strong < 0.04 && weak > 4.0 * strong && weak < 7.0 * strong, "{weak} {strong}");
     }
 
     #[test]

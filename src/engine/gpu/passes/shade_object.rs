@@ -93,7 +93,7 @@ impl ShadeObject {
             pass.set_bind_group(0, group, &[0]);
             scene.draw_surfaces(context, pass);
             pass.set_pipeline(&pipelines.objects);
-            scene.draw_objects_by_material(context, pass, |pass, material| {
+            scene.draw_objects(context, pass, |pass, material| {
                 pass.set_bind_group(0, group, &[material * MATERIAL_STRIDE as u32]);
             });
         })

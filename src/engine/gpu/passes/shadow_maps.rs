@@ -74,7 +74,7 @@ impl ShadowMaps {
         recorder.draw(PASS, targets, |pass| {
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, group, &[]);
-            scene.draw_objects(context, pass);
+            scene.draw_casters(context, pass);
         })
     }
 }
