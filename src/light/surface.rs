@@ -5,14 +5,10 @@ use super::{
     clipped::{ClippedLights, MOST_LIGHTS},
     fill::bin_of,
     split::GRAY_PAPER,
-    unwrap_ball::sane_radiance,
+    unwrap_ball::block_mean,
 };
 use crate::math::{lens::Lens, pose::Pose, solve::solve_positive};
-use crate::model::{
-    image::{HdrImage, LOWER_BOUND, NOT_FINITE},
-    light::RadianceSamples,
-    rig::MirrorBall,
-};
+use crate::model::{image::HdrImage, light::RadianceSamples, rig::MirrorBall};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
@@ -474,23 +470,6 @@ fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)], widest_rad: f32, to
         }
     }
     std::array::from_fn(|c| total[c] - f64::from(hidden[c]))
-}
-
-/// Mean radiance of a block; `None` where a pixel of it is saturated or was not finite.
-fn block_mean(picture: &HdrImage, x: usize, y: usize, side: usize) -> Option<[f64; 3]> {
-    let mut sum = [0.0; 3];
-    for y in y..y + side {
-        for x in x..x + side {
-            let (radiance, bits) = sane_radiance(picture, x, y);
-            if bits & (LOWER_BOUND | NOT_FINITE) != 0 {
-                return None;
-            }
-            for (sum, c) in sum.iter_mut().zip(radiance) {
-                *sum += f64::from(c);
-            }
-        }
-    }
-    Some(sum.map(|c| c / (side * side) as f64))
 }
 
 /// Upper median; 0 of nothing. Reorders.
