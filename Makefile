@@ -41,7 +41,7 @@ demo-real: release
 
 test: tools-build tools-gpu
 	cargo build --release --locked
-	REQUIRE_RELEASE=1 cargo test --locked
+	REQUIRE_RELEASE=1 cargo test --locked --no-fail-fast
 
 bench: tools-gpu tools-build
 	cargo bench --locked --bench ratios

@@ -55,6 +55,7 @@ fn load(shared: &Path, name: &str) -> Case {
     let pose = Pose::from_rows(std::array::from_fn(|i| std::array::from_fn(|j| number(&rows[i][j]))));
     let mirror = &json["geometry"][1];
     let ball = MirrorBall {
+        surface_radius_m: None,
         centre_world: DVec3::from_array(rgb(&mirror["center"])),
         radius_m: number(&mirror["radius"]),
         reflectance_rgb: [1.0; 3],

@@ -457,7 +457,7 @@ fn the_tool_refuses_what_it_cannot_do() {
         (&["--times", "0.05,0.2", a, "nowhere.png"], "nowhere.png"),
         (&["--times", "0.05,0.2", a, &broken], "broken.png"),
         (&["--times", "0.05,0.2", a, b, "--out", "x.tiff"], "x.tiff: must end in .exr, .hdr or .png"),
-        (&["--times", "0.05,0.2", a, b, "--response", "log"], "cannot be opened"),
+        (&["--times", "0.05,0.2", a, b, "--response", "log"], "must be solve, srgb, gamma2.2 or a JSON file"),
         (&["--times", "0.05,0.2", a, b, "--response", &table], "log_exposure_rgb: must be three lists"),
         (&["--times", "0.05,0.2", a, b, "--lambda", "0"], "--lambda = 0: must be above 0"),
         (&["--times-file", &list], "line 3"),

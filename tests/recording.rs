@@ -36,6 +36,7 @@ fn rig() -> Rig {
             world_from_tag: Pose::new(DQuat::from_xyzw(0.9, 0.1, -0.3, 0.2), DVec3::new(0.1, 0.2, 1.0 / 3.0)),
         }],
         ball: Some(MirrorBall {
+            surface_radius_m: None,
             centre_world: DVec3::new(-0.2, 0.04, 0.06),
             radius_m: 0.06,
             reflectance_rgb: [0.9, 0.89, 0.87],

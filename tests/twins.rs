@@ -132,6 +132,7 @@ fn projection_matches_and_repeats(engine: &mut GpuEngine) {
 fn ball_matches(engine: GpuEngine) -> GpuEngine {
     let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);
     let ball = MirrorBall {
+        surface_radius_m: None,
         centre_world: DVec3::new(0.0, 0.0, 0.05),
         radius_m: 0.05,
         reflectance_rgb: [0.6, 0.58, 0.55],

@@ -118,8 +118,12 @@ pub fn run() {
 fn sliding_ms() -> f64 {
     let (response, times_s) = (Response::srgb(), [0.004f32, 0.016, 0.064]);
     let pictures: Vec<_> = bracket(640, 480, &times_s, &response).into_iter().map(Arc::new).collect();
-    let ball =
-        MirrorBall { centre_world: DVec3::new(0.0, 0.0, 0.05), radius_m: 0.05, reflectance_rgb: [1.0; 3] };
+    let ball = MirrorBall {
+        surface_radius_m: None,
+        centre_world: DVec3::new(0.0, 0.0, 0.05),
+        radius_m: 0.05,
+        reflectance_rgb: [1.0; 3],
+    };
     let mut ring = SlidingMerge::new(3, &Lens::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0), Some(ball));
     let mut out = HdrImage::default();
     let mut sequence = 0u64;

@@ -91,7 +91,12 @@ pub fn run() {
             );
         }
     }
-    let ball = MirrorBall { centre_world: DVec3::Z * 0.05, radius_m: 0.05, reflectance_rgb: [0.8; 3] };
+    let ball = MirrorBall {
+        surface_radius_m: None,
+        centre_world: DVec3::Z * 0.05,
+        radius_m: 0.05,
+        reflectance_rgb: [0.8; 3],
+    };
     let lens = Lens::pinhole(640, 480, 700.0, 700.0, 320.0, 240.0);
     let pose = Pose::look_at(DVec3::new(0.1, -0.5, 0.35), ball.centre_world, DVec3::Z);
     for saturated in [false, true] {

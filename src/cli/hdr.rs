@@ -298,8 +298,13 @@ fn gamma22() -> Result<Response, CliError> {
 }
 
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    crate::assets::response::load(file)
-        .map_err(|e| CliError(format!("--response: {e} (else solve, srgb or gamma2.2)")))
+    if !file.is_file() {
+        return Err(CliError(format!(
+            "--response = {}: must be solve, srgb, gamma2.2 or a JSON file",
+            file.display()
+        )));
+    }
+    crate::assets::response::load(file).map_err(|e| CliError(e.to_string()))
 }
 
 /// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.

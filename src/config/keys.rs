@@ -251,6 +251,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.light_threshold = number(v)
     ),
     key!(
+        "light.split",
+        "",
+        Range::Choice(&["bounded", "paper"]),
+        "How much of the light is directional. paper: the net flux, as [Now11] has it (a broad sky draws a hard shadow); bounded: no more than every band of the harmonics allows.",
+        |s| word(if s.bounded_split { "bounded" } else { "paper" }),
+        |s, v| s.bounded_split = text(v) == "bounded"
+    ),
+    key!(
         "light.gray",
         "",
         Range::Choice(&["rec601", "rec709"]),

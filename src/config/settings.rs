@@ -31,6 +31,8 @@ pub struct Settings {
     pub quad_sigma_px: f64,
     /// `light.threshold`
     pub light_threshold: f64,
+    /// `light.split`: whether every band bounds E_d.
+    pub bounded_split: bool,
     /// `light.gray`
     pub gray: GrayWeights,
     /// `light.filter_tau_s`
@@ -101,6 +103,7 @@ impl Default for Settings {
             decimate: 2,
             quad_sigma_px: 0.8,
             light_threshold: 1e-3,
+            bounded_split: true,
             gray: GrayWeights::Rec601,
             filter_tau_s: 0.2,
             ball_on_surface: true,

@@ -13,6 +13,9 @@ pub struct SplitOptions {
     pub least_anisotropy: f32,
     /// Whether E_d fades in between one and four times that anisotropy, so that the light does not pop.
     pub fade_in: bool,
+    /// Whether every band bounds E_d, as is right where only SH is known of the light (section 4b of the project's
+    /// formulas); without it the split is the paper's own, and a broad sky is a hard sun.
+    pub bounded: bool,
 }
 
 /// Gray weights of [Now11] (rounded Rec. 601).
@@ -22,7 +25,7 @@ pub const GRAY_REC709: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 impl Default for SplitOptions {
     fn default() -> Self {
-        Self { gray_weights: GRAY_PAPER, least_anisotropy: 1e-3, fade_in: true }
+        Self { gray_weights: GRAY_PAPER, least_anisotropy: 1e-3, fade_in: true, bounded: false }
     }
 }
 
@@ -175,11 +178,37 @@ pub fn split(total: &RadianceSh, options: &SplitOptions) -> SplitLight {
         } else {
             1.0
         };
-        let irradiance_rgb = factored.irradiance_rgb.map(|e| e * fade);
+        let mut irradiance_rgb = factored.irradiance_rgb;
+        if options.bounded {
+            irradiance_rgb = bounded_by_bands(total.order, total.rows(), to_light_world, irradiance_rgb);
+        }
+        let irradiance_rgb = irradiance_rgb.map(|e| e * fade);
         take_out(total.order, to_light_world, irradiance_rgb, &mut global.rgb);
         DirectionalLight { to_light_world, irradiance_rgb, fade }
     });
     SplitLight { direct, global }
+}
+
+/// E_d where no band may hold less of it than a point light would put there:
+/// E_d <= (4 pi / (2l+1)) sum over m of y_lm(w) L_lm for every l >= 1, and not below 0. A point light passes
+/// unchanged, a broad sky gives about 0.
+pub fn bounded_by_bands<T: Real>(
+    order: usize,
+    rgb: &[[T; 3]],
+    direction: [T; 3],
+    irradiance_rgb: [T; 3],
+) -> [T; 3] {
+    let mut y = [T::zero(); MAX_COEFFICIENTS];
+    evaluate(order, direction, &mut y);
+    let four_pi = T::of(4.0) * T::PI();
+    std::array::from_fn(|c| {
+        let mut least = irradiance_rgb[c];
+        for l in 1..order {
+            let band = four_pi / T::of((2 * l + 1) as f64) * sum(rgb, &y, l * l..(l + 1) * (l + 1), c);
+            least = least.min(band);
+        }
+        least.max(T::zero())
+    })
 }
 
 fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
@@ -221,6 +250,22 @@ mod tests {
             assert!((light.global.rgb[0][0] - sky).abs() < 1e-6);
             assert!(light.global.rgb[1..].iter().flatten().all(|c| c.abs() < 3e-6));
         }
+    }
+
+    #[test]
+    fn every_band_bounds_the_light() {
+        let options = SplitOptions { bounded: true, ..SplitOptions::default() };
+        let up = [0.0, 0.0, 1.0];
+        let sun = split(&lit(4, up, 3.0, 0.2), &options).direct.unwrap();
+        assert!((sun.irradiance_rgb[0] - 3.0).abs() < 2e-6, "a point light passes: {:?}", sun.irradiance_rgb);
+        // A cosine sky, L = 1 + z: band 1 alone would make a sun of it.
+        let mut sky = lit(4, up, 0.0, 1.0);
+        sky.rgb[2] = [1.0; 3];
+        let paper = split(&sky, &SplitOptions::default());
+        assert!(paper.direct.unwrap().irradiance_rgb[0] > 2.0);
+        let bounded = split(&sky, &options);
+        assert_eq!(bounded.direct.unwrap().irradiance_rgb, [0.0; 3]);
+        assert_eq!(bounded.global.rgb, sky.rgb);
     }
 
     #[test]

@@ -5,22 +5,18 @@ use super::{
     clipped::{ClippedLights, MOST_LIGHTS},
     fill::bin_of,
     split::GRAY_PAPER,
-    unwrap_ball::sane_radiance,
+    unwrap_ball::block_mean,
 };
 use crate::math::{lens::Lens, pose::Pose, solve::solve_positive};
-use crate::model::{
-    image::{HdrImage, LOWER_BOUND, NOT_FINITE},
-    light::RadianceSamples,
-    rig::MirrorBall,
-};
+use crate::model::{image::HdrImage, light::RadianceSamples, rig::MirrorBall};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 /// The picture is read in square blocks, about this many in all.
 const BLOCKS: f64 = 5400.0;
-/// The surface is read up to this many radii from the point below the ball's centre: far enough for the shadow of a
-/// light 12 degrees high, near enough to stay on a small table or stool.
-const REACH_RADII: f64 = 5.0;
+/// The surface is read up to this many radii from the point below the ball's centre where nobody says how far it
+/// goes: wide, since a narrow part of it (a sheet of paper, a stain) would stand for all of it.
+const REACH_RADII: f64 = 12.0;
 /// Fewer blocks than this are no surface.
 const FEWEST_POINTS: usize = 32;
 /// Parts of the upper half sphere: rows of the whole sphere, and columns.
@@ -125,6 +121,7 @@ impl SurfaceFit {
         // Half a block's diagonal, seen at the ball's distance, keeps blocks off the silhouette.
         let margin = side as f64 * std::f64::consts::FRAC_1_SQRT_2 / lens.fx.min(lens.fy);
         let clear = 1.03 * ball.radius_m + margin * to_ball.length();
+        let reach_m = ball.surface_radius_m.unwrap_or(REACH_RADII * ball.radius_m);
         for y in (0..height - height % side).step_by(side) {
             for x in (0..width - width % side).step_by(side) {
                 let half = side as f64 / 2.0;
@@ -138,7 +135,7 @@ impl SurfaceFit {
                 }
                 let offset = ball.centre_world - (eye + ray * distance);
                 let length = offset.length();
-                if offset.truncate().length() > REACH_RADII * ball.radius_m || length <= ball.radius_m {
+                if offset.truncate().length() > reach_m || length <= ball.radius_m {
                     continue;
                 }
                 let Some(radiance) = block_mean(picture, x, y, side) else { continue };
@@ -473,23 +470,6 @@ fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)], widest_rad: f32, to
         }
     }
     std::array::from_fn(|c| total[c] - f64::from(hidden[c]))
-}
-
-/// Mean radiance of a block; `None` where a pixel of it is saturated or was not finite.
-fn block_mean(picture: &HdrImage, x: usize, y: usize, side: usize) -> Option<[f64; 3]> {
-    let mut sum = [0.0; 3];
-    for y in y..y + side {
-        for x in x..x + side {
-            let (radiance, bits) = sane_radiance(picture, x, y);
-            if bits & (LOWER_BOUND | NOT_FINITE) != 0 {
-                return None;
-            }
-            for (sum, c) in sum.iter_mut().zip(radiance) {
-                *sum += f64::from(c);
-            }
-        }
-    }
-    Some(sum.map(|c| c / (side * side) as f64))
 }
 
 /// Upper median; 0 of nothing. Reorders.

@@ -12,6 +12,8 @@ pub struct MirrorBall {
     pub radius_m: f64,
     /// Share of the light that it reflects, linear RGB within (0, 1].
     pub reflectance_rgb: [f32; 3],
+    /// The surface under the ball is flat this far around it, metres; `None`: 12 radii of the ball.
+    pub surface_radius_m: Option<f64>,
 }
 
 /// A tag36h11 tag at a known place.

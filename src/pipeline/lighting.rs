@@ -37,6 +37,7 @@ impl Lighting {
             least_anisotropy: options.light_threshold,
             gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
             fade_in: true,
+            bounded: options.bounded_split,
         };
         Self {
             sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),

@@ -30,5 +30,5 @@ echo "== Light of an angular map and of an equirectangular picture"
 "$program" light "$shared/data/hdr/rooitou_park_1k.hdr" --as equirect --order 4
 
 echo "== A robot on the pouf, in the light that the mirror ball saw"
-"$program" render "$here/ola.toml" --out "$out/robot_on_pouf.png"
+"$program" render "$here/ola.toml" --sh-order 3 --out "$out/robot_on_pouf.png"
 echo "results in $out"

@@ -22,7 +22,8 @@
 //! centre = [-0.2, 0.04, 0.06]
 //! radius_m = 0.06
 //! reflectance_rgb = [0.95, 0.95, 0.95]
-//! on_surface = true
+//! on_surface = true                  # what it sees below the horizon is replaced by the unshadowed surface
+//! surface_radius_m = 0.5             # the surface is flat and of one kind this far around it (default: 12 radii)
 //!
 //! [[tag]]
 //! id = 0

@@ -153,9 +153,11 @@ pub fn ball(section: &Section<'_>) -> (Option<MirrorBall>, bool) {
     if reflectance.iter().any(|&r| r <= 0.0) {
         section.refuse("reflectance_rgb", "three numbers above 0, at most 1");
     }
+    let surface_radius_m = section.number("surface_radius_m", 0.001, 100.0);
     let on_surface = section.switch("on_surface", true);
     section.finish();
     let ball = centre.zip(radius).map(|(centre_world, radius_m)| MirrorBall {
+        surface_radius_m,
         centre_world,
         radius_m,
         reflectance_rgb: reflectance,

@@ -134,9 +134,12 @@ fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
     case.geometry
         .iter()
         .find_map(|geometry| match (&geometry.shape, geometry.material) {
-            (Shape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => {
-                Some(MirrorBall { centre_world: *centre, radius_m: *radius, reflectance_rgb })
-            }
+            (Shape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => Some(MirrorBall {
+                surface_radius_m: None,
+                centre_world: *centre,
+                radius_m: *radius,
+                reflectance_rgb,
+            }),
             _ => None,
         })
         .ok_or_else(|| CliError(format!("{}: geometry: must have a mirror sphere", case.file.display())))
@@ -212,7 +215,7 @@ fn place(options: &BallArguments, lens: &Lens) -> Result<(Pose, MirrorBall), Cli
     let pose = place_ball::world_about_ball(centre_camera, up, height_m)
         .ok_or_else(|| CliError(format!("--up {up_text}: must be {allowed}")))?;
     let centre_world = DVec3::new(0.0, 0.0, height_m);
-    Ok((pose, MirrorBall { centre_world, radius_m, reflectance_rgb: [1.0; 3] }))
+    Ok((pose, MirrorBall { surface_radius_m: None, centre_world, radius_m, reflectance_rgb: [1.0; 3] }))
 }
 
 /// N finite numbers joined by commas.

@@ -108,7 +108,8 @@ fn seconds(text: &str) -> Result<f64, CliError> {
 }
 
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    crate::assets::response::load(file).map_err(|e| CliError(format!("--response: {e} (else srgb or solve)")))
+    crate::assets::response::load(file)
+        .map_err(|e| CliError(format!("--response: must be srgb, solve or a JSON file: {e}")))
 }
 
 #[cfg(test)]

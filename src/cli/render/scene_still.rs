@@ -73,7 +73,7 @@ pub fn of_scene(
         }
     };
     let light = match (&total, &file.light) {
-        (Some(total), _) => split(total, &SplitOptions::default()),
+        (Some(total), _) => split(total, &SplitOptions { bounded: true, ..SplitOptions::default() }),
         (None, LightSource::Stated { constant_rgb, direct }) => {
             let mut global = RadianceSh::zero(quality.sh_order);
             global.rgb[0] = constant_rgb.map(|c| c * (4.0 * std::f32::consts::PI).sqrt());

@@ -1,7 +1,8 @@
 //! What a run was like: medians, 95th percentiles, errors against the truth.
 
 use crate::device::Truth;
-use crate::model::estimate::Provenance;
+use crate::light::split::{SplitOptions, split};
+use crate::model::{estimate::Provenance, light::RadianceSh};
 use crate::pipeline::frame::{FrameOutcome, Stage};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -28,7 +29,7 @@ pub struct FrameNumbers {
 
 impl FrameNumbers {
     /// Measures one frame.
-    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>) -> Self {
+    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>, bounded_split: bool) -> Self {
         let mut numbers = Self { stage_ms: outcome.stage_ms, ..Self::default() };
         if let Some(pose) = &outcome.pose {
             numbers.pose_measured = pose.provenance == Provenance::Measured;
@@ -45,7 +46,7 @@ impl FrameNumbers {
             let found = DVec3::from(direct.to_light_world.map(f64::from));
             let exact = DVec3::from(truth.to_light_world.map(f64::from));
             numbers.direction_error_deg = Some(angle_deg(found, exact));
-            let exact_irradiance = band1_irradiance(truth, exact);
+            let exact_irradiance = true_irradiance(truth, light.total.order, bounded_split);
             if exact_irradiance > 0.0 {
                 let found_irradiance = gray(direct.irradiance_rgb.map(f64::from));
                 numbers.irradiance_error = Some(found_irradiance / exact_irradiance - 1.0);
@@ -59,11 +60,13 @@ fn gray(rgb: [f64; 3]) -> f64 {
     0.3 * rgb[0] + 0.59 * rgb[1] + 0.11 * rgb[2]
 }
 
-/// E_d of the truth (gray) by the first moment, spec 4.
-fn band1_irradiance(truth: &Truth, direction: DVec3) -> f64 {
-    let row = |i: usize| gray(truth.light.rgb[i].map(f64::from));
-    let moment = DVec3::new(-row(3), -row(1), row(2)) * (4.0 * std::f64::consts::PI / 3.0).sqrt();
-    moment.dot(direction)
+/// E_d of the truth (gray), split as the measured light is.
+fn true_irradiance(truth: &Truth, order: usize, bounded: bool) -> f64 {
+    let mut light = RadianceSh::zero(order.min(truth.light.order));
+    let rows = light.order * light.order;
+    light.rgb[..rows].copy_from_slice(&truth.light.rgb[..rows]);
+    let halves = split(&light, &SplitOptions { bounded, ..SplitOptions::default() });
+    halves.direct.map_or(0.0, |d| gray(d.irradiance_rgb.map(f64::from)))
 }
 
 fn angle_deg(a: DVec3, b: DVec3) -> f64 {

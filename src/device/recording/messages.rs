@@ -265,6 +265,7 @@ pub fn read_rig(bytes: &[u8]) -> Result<RigParts, String> {
     });
     let tags = tags.collect::<Result<_, _>>()?;
     let ball = m.ball.map(|ball| MirrorBall {
+        surface_radius_m: None,
         centre_world: ball.centre_world_m.into(),
         radius_m: ball.radius_m,
         reflectance_rgb: ball.reflectance_rgb,

@@ -41,6 +41,7 @@ pub fn furnish() -> Plan {
     let window =
         Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 90.0 };
     let ball = MirrorBall {
+        surface_radius_m: None,
         centre_world: DVec3::new(-0.20, 0.04, 0.06),
         radius_m: 0.06,
         reflectance_rgb: [0.90, 0.89, 0.87],

@@ -2,8 +2,12 @@
 
 use super::*;
 
-const BALL: MirrorBall =
-    MirrorBall { centre_world: DVec3::new(0.02, 0.03, 0.06), radius_m: 0.05, reflectance_rgb: [1.0; 3] };
+const BALL: MirrorBall = MirrorBall {
+    surface_radius_m: None,
+    centre_world: DVec3::new(0.02, 0.03, 0.06),
+    radius_m: 0.05,
+    reflectance_rgb: [1.0; 3],
+};
 
 fn lens() -> Lens {
     Lens::pinhole(200, 152, 260.0, 260.0, 101.0, 75.0)
