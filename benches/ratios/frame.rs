@@ -117,6 +117,7 @@ impl Frame {
                 centre_world: DVec3::new(0.0, 0.0, 0.06),
                 radius_m: 0.06,
                 reflectance_rgb: [0.6; 3],
+                surface_radius_m: None,
             },
             plan,
             scene,
