@@ -5,6 +5,7 @@ mod support;
 use std::sync::{Mutex, PoisonError};
 
 use halflight::{
+    assets::shapes,
     engine::{
         Bracket, Engine, LightJob, RelightInput,
         cpu::CpuEngine,
@@ -55,7 +56,7 @@ fn merge_matches(engine: &mut GpuEngine) {
                 let pixels = (0..width * height)
                     .map(|_| [(); 3].map(|()| (dice.next() * 300.0 - 22.0).clamp(0.0, 255.0) as u8))
                     .collect();
-                Rgb8Image::from_pixels(width, height, pixels).unwrap()
+                Rgb8Image::from_pixels(width, height, pixels).expect("as many as were made")
             })
             .collect();
         // Pixels that are 0 and 255 in every combination.
@@ -70,8 +71,8 @@ fn merge_matches(engine: &mut GpuEngine) {
         let response = Response::srgb();
         let (mut device, mut twin) = (HdrImage::default(), HdrImage::default());
         let bracket = Bracket { pictures: &pictures, exposures: &exposures };
-        engine.merge_bracket(&bracket, &response, &mut device).unwrap();
-        merge_bracket(&pictures, &exposures, &response, &mut twin).unwrap();
+        engine.merge_bracket(&bracket, &response, &mut device).expect("a sound bracket");
+        merge_bracket(&pictures, &exposures, &response, &mut twin).expect("a sound bracket");
         assert_eq!(device.flags, twin.flags);
         assert_eq!((device.radiance.width(), device.radiance.height()), (width, height));
         let worst = device
@@ -99,7 +100,7 @@ fn projection_matches_and_repeats(engine: &mut GpuEngine) {
             let bright = if dice.next() > 0.999 { 1e5 } else { 1.0 };
             samples.radiance.push([dice.next() * bright, dice.next(), dice.next(), 0.0]);
         }
-        let device = engine.project_sh(&samples, order).unwrap();
+        let device = engine.project_sh(&samples, order).expect("sums");
         let mut exact = [[0.0f64; 3]; 36];
         let mut size = [0.0f64; 3];
         for (d, l) in samples.directions.iter().zip(&samples.radiance) {
@@ -123,7 +124,7 @@ fn projection_matches_and_repeats(engine: &mut GpuEngine) {
         // Measured 8e-8 of the summed light: sums of 16 in order, then a tree; the basis has up to 8e-7 (spec 1).
         assert!(worst < 5e-7, "{count} samples, order {order}: {worst}");
         assert!(device.rgb[order * order..].iter().all(|row| *row == [0.0; 3]));
-        let again = engine.project_sh(&samples, order).unwrap();
+        let again = engine.project_sh(&samples, order).expect("sums");
         assert_eq!(device.rgb.map(|row| row.map(f32::to_bits)), again.rgb.map(|row| row.map(f32::to_bits)));
     }
 }
@@ -175,51 +176,17 @@ fn ball_matches(engine: GpuEngine) -> GpuEngine {
     engine
 }
 
-fn sphere(name: &str, rows: u32, centre: Vec3, radius: f32, material: Material) -> VirtualObject {
-    let columns = 2 * rows;
-    let mut mesh = Mesh::default();
-    for j in 0..=rows {
-        for i in 0..=columns {
-            let theta = std::f32::consts::PI * j as f32 / rows as f32;
-            let phi = std::f32::consts::TAU * i as f32 / columns as f32;
-            let n = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
-            mesh.positions.push(n);
-            mesh.normals.push(n);
-            mesh.tints_rgb.push([0.5 + 0.5 * n.x, 1.0, 0.7 + 0.3 * n.z]);
-        }
-    }
-    for j in 0..rows {
-        for i in 0..columns {
-            let a = j * (columns + 1) + i;
-            let b = a + columns + 1;
-            mesh.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
-        }
-    }
+fn sphere(name: &str, bands: u32, centre: Vec3, radius: f64, material: Material) -> VirtualObject {
+    let mut mesh = shapes::uv_sphere(radius, 2 * bands, bands);
+    mesh.tints_rgb = mesh.normals.iter().map(|n| [0.5 + 0.5 * n.x, 1.0, 0.7 + 0.3 * n.z]).collect();
     let openness = mesh.normals.iter().map(|n| 0.75 + 0.25 * n.z).collect();
-    let world_from_object = Affine3A::from_translation(centre) * Affine3A::from_scale(Vec3::splat(radius));
+    let world_from_object = Affine3A::from_translation(centre);
     VirtualObject { name: name.into(), mesh, material, world_from_object, openness }
 }
 
-/// The box low..high: two triangles a face, no normals of its own.
 fn box_mesh(low: Vec3, high: Vec3) -> Mesh {
-    let corner = |k: u32, bit: u32| if k >> bit & 1 == 1 { high } else { low };
-    let mut mesh = Mesh::default();
-    for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-        let first = mesh.positions.len() as u32;
-        let place = |k: u32| Vec3::new(corner(k, 0).x, corner(k, 1).y, corner(k, 2).z);
-        mesh.positions.extend(face.map(place));
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
-    mesh
-}
-
-fn ground() -> Mesh {
-    let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
-    Mesh {
-        positions: vec![p(-50.0, -50.0), p(50.0, -50.0), p(50.0, 50.0), p(-50.0, 50.0)],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    }
+    let half = (0.5 * (high - low)).as_dvec3();
+    shapes::transformed(&shapes::cuboid(half), &Affine3A::from_translation(0.5 * (low + high)))
 }
 
 /// Matt, glossy and mirror spheres and a box on the ground; a real box in front hides some of them and receives
@@ -245,7 +212,7 @@ fn scene() -> Scene {
             sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
         ],
         surfaces: vec![
-            surface("ground", ground(), true),
+            surface("ground", shapes::plane_z0(50.0), true),
             surface("box", box_mesh(Vec3::new(0.02, -0.25, 0.0), Vec3::new(0.1, -0.18, 0.07)), true),
             surface("board", box_mesh(Vec3::new(-0.3, -0.2, 0.0), Vec3::new(-0.2, -0.19, 0.1)), false),
         ],
@@ -303,8 +270,8 @@ impl Shot {
 
     fn draw(&self, engine: &mut dyn Engine) -> Picture {
         let mut out = Picture::default();
-        engine.load_scene(&scene()).unwrap();
-        engine.relight(&self.plan, &self.input(), &mut out).unwrap();
+        engine.load_scene(&scene()).expect("a sound scene");
+        engine.relight(&self.plan, &self.input(), &mut out).expect("a sound frame");
         assert_eq!(out.t, Timestamp(7));
         out
     }
@@ -412,7 +379,7 @@ fn drawing_matches(mut engine: GpuEngine, cpu: &mut CpuEngine) -> GpuEngine {
 const FRAME: [Pass; 5] =
     [Pass::ShadowMaps, Pass::ShadeObject, Pass::ShadeSurface, Pass::Composite, Pass::Tonemap];
 
-/// Two software devices at work at once in one process slow each other down a hundredfold.
+/// Software devices share the cores: one at a time is as fast, and easier to read.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 fn all_kernels(backend: Backend) {
@@ -425,7 +392,7 @@ fn all_kernels(backend: Backend) {
     println!("{}", engine.description());
     merge_matches(&mut engine);
     projection_matches_and_repeats(&mut engine);
-    let mut cpu = CpuEngine::new(None).unwrap();
+    let mut cpu = CpuEngine::new(None).expect("threads");
     engine = ball_matches(engine);
     engine = drawing_matches(engine, &mut cpu);
     let mut timings = Vec::new();

@@ -1,9 +1,11 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
 
+mod frame;
 mod merge_bracket;
 mod project_sh;
 
 fn main() {
     merge_bracket::run();
     project_sh::run();
+    frame::run();
 }

@@ -3,6 +3,7 @@
 
 const EMPTY_DEPTH = 1.0;
 const MAX_BIAS_TEXELS = 64.0;
+const ROUNDING_TEXELS = 0.1;
 
 fn bias_m(texel_m: f32, half_width_texels: f32, cos_theta: f32, max_bias_m: f32) -> f32 {
     if cos_theta <= 0.0 {
@@ -65,6 +66,6 @@ fn visibility(camera: ShadowCamera, point_world: vec3<f32>, cos_theta: f32) -> f
     let at = map_position(camera, point_world);
     let texel_m = camera.texel_depth_m.x;
     let half_width = 0.5 * f32(camera.texels_taps.y);
-    let bias = bias_m(texel_m, half_width, cos_theta, MAX_BIAS_TEXELS * texel_m);
+    let bias = bias_m(texel_m, half_width, cos_theta, MAX_BIAS_TEXELS * texel_m) + ROUNDING_TEXELS * texel_m;
     return lit(camera, at.xy, at.z - bias / camera.texel_depth_m.y);
 }

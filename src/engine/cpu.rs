@@ -101,12 +101,7 @@ impl Engine for CpuEngine {
         job: &LightJob<'_>,
         quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        if !(1..=MAX_ORDER).contains(&quality.sh_order) {
-            return Err(EngineError::Input(format!(
-                "quality.sh_order = {}: must be within 1..={MAX_ORDER}",
-                quality.sh_order
-            )));
-        }
+        check_light(job, quality)?;
         let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
         self.pool.install(|| {
             let flags = match job {
@@ -116,17 +111,7 @@ impl Engine for CpuEngine {
                     })
                     .map_err(|e| EngineError::Input(e.to_string()))?
                 }
-                LightJob::Map(map) => {
-                    if !maps::fits(map) {
-                        return Err(EngineError::Input(format!(
-                            "environment picture of {} x {} texels does not fit its layout, {:?}",
-                            map.radiance.width(),
-                            map.radiance.height(),
-                            map.layout
-                        )));
-                    }
-                    maps::samples_of_map(map, samples)
-                }
+                LightJob::Map(map) => maps::samples_of_map(map, samples),
             };
             let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
             Ok(MeasuredLight { total, flags })
@@ -161,6 +146,25 @@ fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T)
     }
     timings.push(PassTiming { pass, ms: start.elapsed().as_secs_f32() * 1e3 });
     result
+}
+
+/// Whether light can be read from a job.
+pub(super) fn check_light(job: &LightJob<'_>, quality: &Quality) -> Result<(), EngineError> {
+    if !(1..=MAX_ORDER).contains(&quality.sh_order) {
+        return Err(EngineError::Input(format!(
+            "quality.sh_order = {}: must be within 1..={MAX_ORDER}",
+            quality.sh_order
+        )));
+    }
+    match job {
+        LightJob::Map(map) if !maps::fits(map) => Err(EngineError::Input(format!(
+            "environment picture of {} x {} texels does not fit its layout, {:?}",
+            map.radiance.width(),
+            map.radiance.height(),
+            map.layout
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Whether the parts of a frame fit together.

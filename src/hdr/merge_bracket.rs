@@ -100,7 +100,7 @@ pub fn merge_bracket(
 }
 
 /// Width and height, if the bracket fits together.
-fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, usize), MergeError> {
+pub fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, usize), MergeError> {
     if pictures.is_empty() || pictures.len() > MAX_PICTURES {
         return Err(MergeError::Pictures(pictures.len()));
     }

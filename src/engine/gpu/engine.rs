@@ -8,7 +8,7 @@ use super::{
     relight::{Relighter, ready},
 };
 use crate::{
-    engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput},
+    engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput, cpu},
     hdr::merge_bracket,
     light::{
         maps::samples_of_map,
@@ -159,6 +159,8 @@ impl Engine for GpuEngine {
                 })
                 .map_err(|error| EngineError::Input(error.to_string()));
         }
+        merge_bracket::check(bracket.pictures, bracket.exposures)
+            .map_err(|error| EngineError::Input(error.to_string()))?;
         let merge = ready(&mut self.merge, &self.context, MergeBracket::new)?;
         merge.run(&self.context, &mut self.timer, bracket, response, out)
     }
@@ -168,6 +170,7 @@ impl Engine for GpuEngine {
         job: &LightJob<'_>,
         quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
+        cpu::check_light(job, quality)?;
         let mut samples = std::mem::take(&mut self.samples);
         let flags = match *job {
             LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
