@@ -140,3 +140,87 @@ impl Drop for Realtime {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{
+        frame::{Exposure, RawFrame},
+        image::Image,
+    };
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    /// Gives a frame for each token, and says whenever it is asked for one.
+    struct OnDemand {
+        asked: Sender<u64>,
+        tokens: Receiver<Result<(), DeviceError>>,
+        given: u64,
+    }
+
+    impl FrameSource for OnDemand {
+        fn next_frame(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+            self.asked.send(self.given).unwrap();
+            self.tokens.recv().map_err(|_closed| DeviceError::new("test", "end", ErrorKind::Ended))??;
+            self.given += 1;
+            Ok(RawFrame {
+                sequence: self.given,
+                t_mid: Timestamp(self.given as i64),
+                exposure: Exposure { time_s: 0.01, gain: 1.0 },
+                pixels: Arc::new(Image::filled(1, 1, [0; 3])),
+            })
+        }
+
+        fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+            Ok(exposures.to_vec())
+        }
+
+        fn rig(&self) -> Option<crate::model::rig::Rig> {
+            None
+        }
+    }
+
+    fn number(event: Event) -> (u64, u64) {
+        match event {
+            Event::Frame { frame, passed_over, .. } => (frame.sequence, passed_over),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn as_time_passes_the_newest_frame_wins() {
+        let (asked, is_asked) = channel();
+        let (give, tokens) = channel();
+        let mut feed = Realtime::start(Box::new(OnDemand { asked, tokens, given: 0 }), None);
+        for k in 0..5 {
+            assert_eq!(is_asked.recv().unwrap(), k);
+            give.send(Ok(())).unwrap();
+        }
+        // Asked for the sixth: the fifth lies in the mailbox.
+        assert_eq!(is_asked.recv().unwrap(), 5);
+        assert_eq!(number(feed.next_event()), (5, 4));
+        give.send(Ok(())).unwrap();
+        assert_eq!(number(feed.next_event()), (6, 0));
+        give.send(Err(DeviceError::new("test", "nothing yet", ErrorKind::Again))).unwrap();
+        give.send(Err(DeviceError::new("test", "unplugged", ErrorKind::Reopen))).unwrap();
+        assert!(matches!(feed.next_event(), Event::Failed(error) if error.action == "unplugged"));
+        assert!(matches!(feed.next_event(), Event::Ended));
+    }
+
+    #[test]
+    fn lockstep_gives_every_frame_and_moves_the_clock() {
+        let (asked, _is_asked) = channel();
+        let (give, tokens) = channel();
+        let mut source = OnDemand { asked, tokens, given: 0 };
+        let mut clock = crate::device::clock::ManualClock::default();
+        for _ in 0..3 {
+            give.send(Ok(())).unwrap();
+        }
+        drop(give);
+        let mut feed = Lockstep::new(&mut source, &mut clock);
+        for k in 1..=3 {
+            assert_eq!(number(feed.next_event()), (k, 0));
+        }
+        assert!(matches!(feed.next_event(), Event::Ended));
+        assert_eq!(clock.now(), Timestamp(3));
+    }
+}
