@@ -108,8 +108,9 @@ fn seconds(text: &str) -> Result<f64, CliError> {
 }
 
 fn load_response(file: &Path) -> Result<Response, CliError> {
-    crate::assets::response::load(file)
-        .map_err(|e| CliError(format!("--response: must be srgb, solve or a JSON file: {e}")))
+    crate::assets::response::load(file).map_err(|e| {
+        CliError(format!("--response {}: must be srgb, solve or a JSON file ({e})", file.display()))
+    })
 }
 
 #[cfg(test)]
