@@ -49,6 +49,11 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
         rec709: settings.gray == crate::config::settings::GrayWeights::Rec709,
         filter_tau_s: settings.filter_tau_s,
         ball_on_surface: settings.ball_on_surface,
+        longest_exposure: cycle
+            .iter()
+            .copied()
+            .max_by(|a, b| a.effective_s().total_cmp(&b.effective_s()))
+            .unwrap_or(Exposure { time_s: 1.0 / 60.0, gain: 1.0 }),
         exposures_in_cycle: cycle.len(),
         shown_exposure,
         decimate: settings.decimate as f32,

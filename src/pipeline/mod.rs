@@ -60,6 +60,8 @@ pub struct Options {
     pub filter_tau_s: f64,
     /// Whether the ball stands on the surface z = 0.
     pub ball_on_surface: bool,
+    /// The longest exposure that the camera goes through.
+    pub longest_exposure: Exposure,
     /// Different exposures that the camera goes through.
     pub exposures_in_cycle: usize,
     /// Exposure of the shown picture; `None`: the one of the cycle that exposes the place best.

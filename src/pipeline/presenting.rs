@@ -37,7 +37,7 @@ impl Presenting {
             plan: FramePlan::default(),
             picture: Picture::default(),
             quality: options.quality,
-            shown_exposure: ShownExposure::new(options.shown_exposure, options.exposures_in_cycle),
+            shown_exposure: ShownExposure::new(options),
         }
     }
 
@@ -112,23 +112,23 @@ impl Presenting {
 /// Mean 8-bit value of a well exposed picture.
 const WELL_EXPOSED: f64 = 110.0;
 
-/// Which exposure the shown picture has.
+/// Which exposure the shown picture has: the longest of the cycle (never black) until one cycle has been seen, then
+/// the best exposed one.
 struct ShownExposure {
     chosen: Exposure,
-    /// Frames still to be looked at before the choice is fixed.
+    best: Exposure,
+    /// Frames still to be looked at before the choice is made.
     frames_left: usize,
-    /// How far the chosen exposure's picture was from well exposed.
+    /// How far the best exposure's picture was from well exposed.
     miss: f64,
 }
 
 impl ShownExposure {
-    fn new(stated: Option<Exposure>, exposures_in_cycle: usize) -> Self {
-        let frames_left = if stated.is_some() { 0 } else { exposures_in_cycle.max(1) };
-        Self {
-            chosen: stated.unwrap_or(Exposure { time_s: 1.0, gain: 1.0 }),
-            frames_left,
-            miss: f64::INFINITY,
-        }
+    fn new(options: &Options) -> Self {
+        let chosen = options.shown_exposure.unwrap_or(options.longest_exposure);
+        let frames_left =
+            if options.shown_exposure.is_some() { 0 } else { options.exposures_in_cycle.max(1) };
+        Self { chosen, best: chosen, frames_left, miss: f64::INFINITY }
     }
 
     fn see(&mut self, frame: &RawFrame) {
@@ -146,7 +146,10 @@ impl ShownExposure {
         let miss = (sum / f64::max(count, 1.0) - WELL_EXPOSED).abs();
         if miss < self.miss {
             self.miss = miss;
-            self.chosen = frame.exposure;
+            self.best = frame.exposure;
+        }
+        if self.frames_left == 0 {
+            self.chosen = self.best;
         }
     }
 }
