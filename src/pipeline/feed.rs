@@ -148,11 +148,11 @@ mod tests {
         frame::{Exposure, RawFrame},
         image::Image,
     };
-    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
     /// Gives a frame for each token, and says whenever it is asked for one.
     struct OnDemand {
-        asked: Sender<u64>,
+        asked: SyncSender<u64>,
         tokens: Receiver<Result<(), DeviceError>>,
         given: u64,
     }
@@ -188,8 +188,8 @@ mod tests {
 
     #[test]
     fn as_time_passes_the_newest_frame_wins() {
-        let (asked, is_asked) = channel();
-        let (give, tokens) = channel();
+        let (asked, is_asked) = sync_channel(16);
+        let (give, tokens) = sync_channel(16);
         let mut feed = Realtime::start(Box::new(OnDemand { asked, tokens, given: 0 }), None);
         for k in 0..5 {
             assert_eq!(is_asked.recv().unwrap(), k);
@@ -208,8 +208,8 @@ mod tests {
 
     #[test]
     fn lockstep_gives_every_frame_and_moves_the_clock() {
-        let (asked, _is_asked) = channel();
-        let (give, tokens) = channel();
+        let (asked, _is_asked) = sync_channel(16);
+        let (give, tokens) = sync_channel(16);
         let mut source = OnDemand { asked, tokens, given: 0 };
         let mut clock = crate::device::clock::ManualClock::default();
         for _ in 0..3 {

@@ -152,11 +152,12 @@ impl Report {
         } else {
             ""
         };
-        let picks: [(&str, Box<dyn Fn(&FrameNumbers) -> Option<f64>>); 4] = [
-            ("Light direction error, degrees", Box::new(|f| f.direction_error_deg)),
-            ("Camera position error, millimetres", Box::new(|f| f.position_error_mm)),
-            ("Camera rotation error, degrees", Box::new(|f| f.rotation_error_deg)),
-            ("Time of a frame, milliseconds", Box::new(|f| f.stage_ms.last().map(|&ms| f64::from(ms)))),
+        type Pick = fn(&FrameNumbers) -> Option<f64>;
+        let picks: [(&str, Pick); 4] = [
+            ("Light direction error, degrees", |f| f.direction_error_deg),
+            ("Camera position error, millimetres", |f| f.position_error_mm),
+            ("Camera rotation error, degrees", |f| f.rotation_error_deg),
+            ("Time of a frame, milliseconds", |f| f.stage_ms.last().map(|&ms| f64::from(ms))),
         ];
         let mut plots = String::new();
         for (title, pick) in picks {
