@@ -1,5 +1,6 @@
 //! Calibration files: those of the shared data, and hostile ones.
-#![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
+#![allow(clippy::excessive_precision, reason = "numbers as they stand in the files")]
 
 mod support;
 

@@ -1,5 +1,6 @@
 //! The CPU engine as a whole: it runs exactly the plan, gives the same picture for any number of threads,
 //! and allocates nothing per frame. Also the golden numbers of the shadow bias.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 mod support;
 #[path = "support/sys.rs"]
 mod sys;

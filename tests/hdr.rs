@@ -1,5 +1,5 @@
 //! Exposures to radiance: real brackets, known responses, and whatever chance brings.
-#![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

@@ -1,4 +1,5 @@
 //! Stills of the reference cases against ray-traced truth.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

@@ -1,5 +1,6 @@
 //! The daemon's own pipeline on the bundled recording: accurate, repeatable, and the same for any thread count and
 //! build profile.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

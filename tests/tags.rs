@@ -1,5 +1,5 @@
 //! Tags on real photographs, and their poses against truth.
-#![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 
