@@ -102,6 +102,16 @@ fn empty_and_impossible_models_say_what_is_wrong() {
     assert!(read(need).is_err());
 }
 
+#[test]
+fn a_position_accessor_that_does_not_exist_is_named() {
+    let json = br#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":9}}]}]}"#;
+    let error = read(json).unwrap_err().to_string();
+    assert!(
+        error.contains("meshes[0].primitives[0].attributes = 9: must be an accessor, of which there are 0"),
+        "{error}"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
