@@ -2,6 +2,7 @@
 
 mod frame;
 mod merge_bracket;
+mod opencv;
 mod project_sh;
 
 fn main() {
