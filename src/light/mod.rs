@@ -1,6 +1,7 @@
 //! From a linear picture to light: unwrap, project, split, follow.
 
 pub mod clipped;
+pub mod compact;
 pub mod cone;
 pub mod fill;
 pub mod follow;
