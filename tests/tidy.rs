@@ -33,8 +33,13 @@ const LAYERS: [(&str, u8); 18] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 5] =
-    [("compose", "visibility"), ("light", "sources"), ("cli", "daemon"), ("cli", "config"), ("daemon", "config")];
+const DRAWN: [(&str, &str); 5] = [
+    ("compose", "visibility"),
+    ("light", "sources"),
+    ("cli", "daemon"),
+    ("cli", "config"),
+    ("daemon", "config"),
+];
 
 /// Names that say nothing.
 const EMPTY_NAMES: [&str; 9] =

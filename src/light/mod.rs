@@ -5,6 +5,7 @@ pub mod compact;
 pub mod cone;
 pub mod fill;
 pub mod follow;
+pub mod halve;
 pub mod maps;
 pub mod place_ball;
 pub mod project_sh;

@@ -29,7 +29,7 @@ pub struct FrameNumbers {
 
 impl FrameNumbers {
     /// Measures one frame.
-    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>, bounded_split: bool) -> Self {
+    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>) -> Self {
         let mut numbers = Self { stage_ms: outcome.stage_ms, ..Self::default() };
         if let Some(pose) = &outcome.pose {
             numbers.pose_measured = pose.provenance == Provenance::Measured;
@@ -46,7 +46,7 @@ impl FrameNumbers {
             let found = DVec3::from(direct.to_light_world.map(f64::from));
             let exact = DVec3::from(truth.to_light_world.map(f64::from));
             numbers.direction_error_deg = Some(angle_deg(found, exact));
-            let exact_irradiance = true_irradiance(truth, light.total.order, bounded_split);
+            let exact_irradiance = true_irradiance(truth, light.total.order);
             if exact_irradiance > 0.0 {
                 let found_irradiance = gray(direct.irradiance_rgb.map(f64::from));
                 numbers.irradiance_error = Some(found_irradiance / exact_irradiance - 1.0);
@@ -61,11 +61,11 @@ fn gray(rgb: [f64; 3]) -> f64 {
 }
 
 /// E_d of the truth (gray), split as the measured light is.
-fn true_irradiance(truth: &Truth, order: usize, bounded: bool) -> f64 {
+fn true_irradiance(truth: &Truth, order: usize) -> f64 {
     let mut light = RadianceSh::zero(order.min(truth.light.order));
     let rows = light.order * light.order;
     light.rgb[..rows].copy_from_slice(&truth.light.rgb[..rows]);
-    let halves = split(&light, &SplitOptions { bounded, ..SplitOptions::default() });
+    let halves = split(&light, &SplitOptions::default());
     halves.direct.map_or(0.0, |d| gray(d.irradiance_rgb.map(f64::from)))
 }
 

@@ -133,7 +133,8 @@ impl Finder {
 
     fn consider_swap(&mut self, cap: &Cap) {
         let flux = |f: &Option<Followed>| f.map_or(0.0, |f| color::luminance(f.light.flux_rgb));
-        let faintest = (0..MAX_LIGHTS).min_by(|&a, &b| flux(&self.followed[a]).total_cmp(&flux(&self.followed[b])));
+        let faintest =
+            (0..MAX_LIGHTS).min_by(|&a, &b| flux(&self.followed[a]).total_cmp(&flux(&self.followed[b])));
         let all_stay = self.followed.iter().flatten().all(|f| !f.leaving && f.light.fade >= 1.0);
         if let Some(slot) = faintest
             && all_stay
@@ -181,8 +182,8 @@ impl Finder {
         cap
     }
 
-    /// Median radiance of the ring around a cap, weighted by solid angle; each channel for itself. The least of the cap
-    /// where there is no ring.
+    /// Median radiance of the ring around a cap, weighted by solid angle; each channel for itself. Nothing where no ring was
+    /// seen.
     fn background(&mut self, centre: Vec3, cos_cap: f32, cos_ring: f32) -> [f32; 3] {
         let (texels, ring) = (&self.texels[..self.open], &mut self.ring);
         std::array::from_fn(|channel| {
@@ -192,10 +193,6 @@ impl Finder {
                 if cosine < cos_cap && cosine >= cos_ring {
                     ring.push((texel.radiance_rgb[channel], texel.solid_angle_sr));
                 }
-            }
-            if ring.is_empty() {
-                let inside = texels.iter().filter(|t| t.direction.dot(centre) >= cos_cap);
-                return inside.map(|t| t.radiance_rgb[channel]).fold(f32::INFINITY, f32::min).min(1e30);
             }
             ring.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
             let half = 0.5 * ring.iter().map(|r| r.1).sum::<f32>();

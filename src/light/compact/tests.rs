@@ -65,7 +65,8 @@ const MAX_FROM_NOISE: usize = 0;
 
 #[test]
 fn flux_is_kept_to_rounding() {
-    let discs = [(Vec3::new(0.2, 0.1, 0.9), 4.0, 5.0), (Vec3::X, 12.0, 1.0), (Vec3::new(-1.0, -1.0, 0.4), 8.0, 2.0)];
+    let discs =
+        [(Vec3::new(0.2, 0.1, 0.9), 4.0, 5.0), (Vec3::X, 12.0, 1.0), (Vec3::new(-1.0, -1.0, 0.4), 8.0, 2.0)];
     let samples = place(30_000, 0.2, &discs);
     let total = crate::light::project_sh::project_sh(&samples, 4);
     for maps in [0, 1, 2, 3, 8, 64] {
