@@ -76,6 +76,7 @@ fn scene() -> Scene {
             sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
         ],
         surfaces: vec![ground()],
+        figures: Vec::new(),
     }
 }
 
@@ -293,7 +294,9 @@ fn an_empty_scene_and_broken_meshes_leave_the_picture_as_it_is() {
     let mut broken = sphere("broken", 4, Vec3::ZERO, 0.1, Material::Mirror { reflectance_rgb: [1.0; 3] });
     broken.mesh.positions.iter_mut().for_each(|p| p.x = f32::NAN);
     broken.mesh.triangles.push([0, 1, 999]);
-    for scene in [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()] }] {
+    for scene in
+        [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()], ..Scene::default() }]
+    {
         // The plan of a full scene on purpose: engines take what they get.
         let plan = frame.plan(&self::scene());
         let (picture, _) = draw(2, &frame, &scene, &plan);
