@@ -22,6 +22,7 @@
 //!
 //! `src/README.md` is the map.
 
+pub mod animate;
 pub mod assets;
 pub mod cli;
 pub mod compose;

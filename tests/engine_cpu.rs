@@ -1,6 +1,8 @@
 //! The CPU engine as a whole: it runs exactly the plan, gives the same picture for any number of threads,
 //! and allocates nothing per frame. Also the golden numbers of the shadow bias.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
+#[path = "support/golden.rs"]
+mod golden;
 mod support;
 #[path = "support/sys.rs"]
 mod sys;
@@ -76,6 +78,7 @@ fn scene() -> Scene {
             sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
         ],
         surfaces: vec![ground()],
+        figures: Vec::new(),
     }
 }
 
@@ -297,7 +300,9 @@ fn an_empty_scene_and_broken_meshes_leave_the_picture_as_it_is() {
     let mut broken = sphere("broken", 4, Vec3::ZERO, 0.1, Material::Mirror { reflectance_rgb: [1.0; 3] });
     broken.mesh.positions.iter_mut().for_each(|p| p.x = f32::NAN);
     broken.mesh.triangles.push([0, 1, 999]);
-    for scene in [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()] }] {
+    for scene in
+        [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()], ..Scene::default() }]
+    {
         // The plan of a full scene on purpose: engines take what they get.
         let plan = frame.plan(&self::scene());
         let (picture, _) = draw(2, &frame, &scene, &plan);
@@ -305,28 +310,16 @@ fn an_empty_scene_and_broken_meshes_leave_the_picture_as_it_is() {
     }
 }
 
+fn bias<T: golden::Precision>(entry: &golden::Entry) {
+    let cosine = T::of(entry.number::<f64>("incidence_deg").to_radians().cos());
+    let (texel, pcf) = (entry.number::<T>("texel_world"), entry.number::<T>("pcf_half_width_texels"));
+    for (key, limit) in [("receiver_plane_bias", T::infinity()), ("clamped", entry.number("max_bias"))] {
+        entry.check_key(key, Some(&[shadow_maps::bias_m(texel, pcf, cosine, limit)]));
+    }
+}
+
 #[test]
 fn golden_bias() {
     let Some(shared) = support::shared("golden_bias") else { return };
-    let text = std::fs::read_to_string(shared.join("golden/golden.json")).unwrap();
-    let golden: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let mut seen = 0;
-    for entry in golden["entries"].as_array().unwrap().iter().filter(|e| e["group"] == "bias") {
-        let number = |group: &str, key: &str| entry[group][key].as_f64().unwrap();
-        let input = |key: &str| number("inputs", key) as f32;
-        let cosine = number("inputs", "incidence_deg").to_radians().cos() as f32;
-        let (texel, pcf) = (input("texel_world"), input("pcf_half_width_texels"));
-        for (key, limit) in [("receiver_plane_bias", f32::INFINITY), ("clamped", input("max_bias"))] {
-            let bias = f64::from(shadow_maps::bias_m(texel, pcf, cosine, limit));
-            let expected = number("expected", key);
-            let (abs, rel) = (number("tolerance", "f32_abs"), number("tolerance", "f32_rel"));
-            assert!(
-                (bias - expected).abs() <= abs.max(rel * expected),
-                "{}: {bias}, {expected}",
-                entry["id"]
-            );
-        }
-        seen += 1;
-    }
-    assert_eq!(seen, 2, "golden group bias");
+    golden::run(&shared, &[("bias", bias::<f64>, bias::<f32>)], &[]);
 }

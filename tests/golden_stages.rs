@@ -1,5 +1,5 @@
-//! The shared golden numbers for the stages: factorisation, shading and the merge of brackets. What is written for
-//! f32 alone is held to the f32 tolerances.
+//! The shared golden numbers for the stages: factorisation, shading and the merge of brackets, in f64 and in f32.
+//! Kernels that frames run in f32 alone are held to the f32 tolerances besides.
 
 #[path = "support/golden.rs"]
 mod golden;
@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use golden::{Entry, Precision, numbers};
 use halflight::compose::geometry::MaterialTerms;
 use halflight::compose::shade_object::{LightTerms, ObjectPoint, shade};
-use halflight::hdr::merge_bracket::merge_bracket;
+use halflight::hdr::merge_bracket::{MergeReal, merge_bracket, merge_pixels};
 use halflight::light::project_sh::project_sh;
 use halflight::light::split::{Estimator, SplitOptions, factor, irradiance, split};
 use halflight::math::quadrature;
@@ -136,28 +136,41 @@ fn shading_kernel(entry: &Entry) {
     entry.check_key("total", Some(&got));
 }
 
-fn merging(entry: &Entry) {
-    let g = std::array::from_fn(|z| (2.2 * (z as f64).max(0.5).ln() - 2.2 * 255.0_f64.ln()) as f32);
-    let response = Response::new([g; 3]).unwrap_or_else(|| panic!("{}: response", entry.id));
-    let pictures: Vec<_> =
-        numbers(&entry.inputs["pixels"]).into_iter().map(|z| Image::filled(1, 1, [z as u8; 3])).collect();
+/// The merge's kernel in either precision; in f32 also through the whole merge, which must give the same bits.
+fn merging<T: Precision + MergeReal>(entry: &Entry) {
+    let table: [f64; 256] = std::array::from_fn(|z| 2.2 * (z as f64).max(0.5).ln() - 2.2 * 255.0_f64.ln());
+    let values: Vec<u8> = numbers(&entry.inputs["pixels"]).into_iter().map(|z| z as u8).collect();
     let exposures: Vec<_> = numbers(&entry.inputs["exposure_s"])
         .into_iter()
         .map(|time_s| Exposure { time_s, gain: 1.0 })
         .collect();
-    let mut out = HdrImage::default();
-    merge_bracket(&pictures.iter().collect::<Vec<_>>(), &exposures, &response, &mut out)
-        .unwrap_or_else(|e| panic!("{}: {e}", entry.id));
+    let pixels: Vec<_> = values.iter().map(|z| [[*z; 3]]).collect();
+    let pixels: Vec<&[[u8; 3]]> = pixels.iter().map(|p| &p[..]).collect();
+    let (mut radiance, mut flags) = ([[T::zero(); 3]], [0]);
+    merge_pixels(&pixels, &exposures, &[table.map(T::of); 3], &mut radiance, &mut flags)
+        .unwrap_or_else(|| panic!("{}: refused", entry.id));
     let flag = match entry.expected["flag"].as_str() {
         Some("ok") => 0,
         Some("underexposed_upper_bound") => UPPER_BOUND,
         Some("saturated_lower_bound" | "overexposed_lower_bound") => LOWER_BOUND,
         other => panic!("{}: unknown flag {other:?}", entry.id),
     };
-    assert_eq!(out.flags.pixels(), &[flag], "{}", entry.id);
-    for channel in *out.radiance.at(0, 0) {
+    assert_eq!(flags, [flag], "{}", entry.id);
+    for channel in radiance[0] {
         entry.check_key("E", Some(&[channel]));
         entry.check_key("lnE", Some(&[channel.ln()]));
+    }
+    if T::NAME == "f32" {
+        let response = Response::new([table.map(|g| g as f32); 3]);
+        let response = response.unwrap_or_else(|| panic!("{}: response", entry.id));
+        let pictures: Vec<_> = values.iter().map(|z| Image::filled(1, 1, [*z; 3])).collect();
+        let mut out = HdrImage::default();
+        merge_bracket(&pictures.iter().collect::<Vec<_>>(), &exposures, &response, &mut out)
+            .unwrap_or_else(|e| panic!("{}: {e}", entry.id));
+        assert_eq!(
+            (out.radiance.at(0, 0).map(f64::from), *out.flags.at(0, 0)),
+            (radiance[0].map(T::wide), flag)
+        );
     }
 }
 
@@ -185,8 +198,12 @@ fn golden_stages() {
     let Some(shared) = support::shared("golden_stages") else { return };
     golden::run(
         &shared,
-        &[("factor", factorisation::<f64>, factorisation::<f32>), ("shade", shading::<f64>, shading::<f32>)],
+        &[
+            ("factor", factorisation::<f64>, factorisation::<f32>),
+            ("shade", shading::<f64>, shading::<f32>),
+            ("hdr", merging::<f64>, merging::<f32>),
+        ],
         &[],
     );
-    golden::run_f32(&shared, &[("shade", shading_kernel), ("hdr", merging), ("project", projection_kernel)]);
+    golden::run_f32(&shared, &[("shade", shading_kernel), ("project", projection_kernel)]);
 }

@@ -53,6 +53,17 @@ fn light_and_pose_agree_with_the_truth() {
     println!("{:#}", report["pose"]);
     // The demand: the dominant direction within 2 degrees of the truth on every frame after the warm-up.
     assert!(number("/light/direction_error/max_deg") <= 2.0);
+    // Measured: 0.67 in the median, 0.77 at worst, the lamp being near (see below).
+    assert!(number("/light/direction_error/median_deg") <= 0.75);
+    // E_d against the truth at the ball's centre. Measured: medians 0.4, 1.3 and 2.1 %, worst 1.9, 2.4 and 4.0 % (red,
+    // green, blue). Without JPEG (`synthetic:`) 2.4 to 2.6 % too high: the lamp is 1.6 m away and the ball's mirrored
+    // rays start up to 0.06 m nearer to it; a camera that stands still, without noise, has 3.1 %. JPEG of quality 96
+    // takes some of that away, unevenly.
+    for channel in 0..3 {
+        let error = |part| number(&format!("/light/irradiance_error_rgb/{channel}/{part}_relative"));
+        assert!(error("median") <= 0.03, "channel {channel}: {}", error("median"));
+        assert!(error("max") <= 0.045, "channel {channel}: {}", error("max"));
+    }
     // Tag pose within 2 mm and 0.5 degrees (median).
     assert!(number("/pose/position_error/median_mm") <= 2.0);
     assert!(number("/pose/rotation_error/median_deg") <= 0.5);

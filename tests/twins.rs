@@ -216,6 +216,7 @@ fn scene() -> Scene {
             surface("box", box_mesh(Vec3::new(0.02, -0.25, 0.0), Vec3::new(0.1, -0.18, 0.07)), true),
             surface("board", box_mesh(Vec3::new(-0.3, -0.2, 0.0), Vec3::new(-0.2, -0.19, 0.1)), false),
         ],
+        figures: Vec::new(),
     }
 }
 

@@ -65,6 +65,7 @@ fn scene(segments: u32) -> Scene {
             mesh: shapes::plane_z0(1.0),
             receives_shadow: true,
         }],
+        figures: Vec::new(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Merges one bracket to linear radiance [DM97].
 
+use crate::math::sh::Real;
 use crate::model::{
     frame::Exposure,
     image::{HdrImage, LOWER_BOUND, Rgb8Image, UPPER_BOUND},
@@ -75,7 +76,7 @@ pub fn merge_bracket(
     out: &mut HdrImage,
 ) -> Result<(), MergeError> {
     let (width, height) = check(pictures, exposures)?;
-    let tables = Tables::new(exposures, response);
+    let tables = Tables::new(exposures, response.log_exposure());
     out.radiance.reshape(width, height, [0.0; 3]);
     out.flags.reshape(width, height, 0);
     let count = pictures.len();
@@ -97,6 +98,46 @@ pub fn merge_bracket(
             }
         });
     Ok(())
+}
+
+/// The number type that a merge is made in: f32 in every frame, f64 where its rounding is to be told apart.
+pub trait MergeReal: Real + From<i16> {
+    /// e^x, finite and above 0 for every x.
+    fn exp_bounded(self) -> Self;
+}
+
+impl MergeReal for f32 {
+    #[inline(always)]
+    fn exp_bounded(self) -> Self {
+        exp(self)
+    }
+}
+
+impl MergeReal for f64 {
+    fn exp_bounded(self) -> Self {
+        // Beyond these ends lie infinity and the numbers of fewer digits.
+        self.clamp(-708.0, 709.0).exp()
+    }
+}
+
+/// [`merge_bracket`]'s kernel in either number type, on up to 128 pixels: `pictures` hold the same pixels of each
+/// picture, `log_exposure` is g for each channel, `radiance` and `flags` are as long as each picture. What is longer
+/// stays as it is; `None` for more than [`MAX_PICTURES`] pictures, none, or lengths that differ.
+/// *In f32 it gives the bits that [`merge_bracket`] gives.*
+pub fn merge_pixels<T: MergeReal>(
+    pictures: &[&[[u8; 3]]],
+    exposures: &[Exposure],
+    log_exposure: &[[T; 256]; 3],
+    radiance: &mut [[T; 3]],
+    flags: &mut [u8],
+) -> Option<()> {
+    let count = radiance.len();
+    let fits = (1..=MAX_PICTURES).contains(&pictures.len())
+        && pictures.len() == exposures.len()
+        && pictures.iter().all(|picture| picture.len() == count)
+        && flags.len() == count
+        && count <= BLOCK;
+    fits.then(|| Tables::new(exposures, log_exposure).merge_block(pictures, radiance, flags))
 }
 
 /// Width and height, if the bracket fits together.
@@ -124,39 +165,40 @@ pub fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, 
 }
 
 /// What a merge looks up instead of computing it for each pixel.
-struct Tables {
+struct Tables<T> {
     /// For each picture, channel and value: w(z) (g(z) - ln t).
-    weighted: [[[f32; 256]; 3]; MAX_PICTURES],
+    weighted: [[[T; 256]; 3]; MAX_PICTURES],
     /// For each picture and channel: g(255) - ln t.
-    at_least: [[f32; 3]; MAX_PICTURES],
+    at_least: [[T; 3]; MAX_PICTURES],
     /// For each picture and channel: g(0) - ln t.
-    at_most: [[f32; 3]; MAX_PICTURES],
+    at_most: [[T; 3]; MAX_PICTURES],
 }
 
-impl Tables {
-    fn new(exposures: &[Exposure], response: &Response) -> Self {
+impl<T: MergeReal> Tables<T> {
+    fn new(exposures: &[Exposure], log_exposure: &[[T; 256]; 3]) -> Self {
         let mut tables = Self {
-            weighted: [[[0.0; 256]; 3]; MAX_PICTURES],
-            at_least: [[0.0; 3]; MAX_PICTURES],
-            at_most: [[0.0; 3]; MAX_PICTURES],
+            weighted: [[[T::zero(); 256]; 3]; MAX_PICTURES],
+            at_least: [[T::zero(); 3]; MAX_PICTURES],
+            at_most: [[T::zero(); 3]; MAX_PICTURES],
         };
         for (k, exposure) in exposures.iter().enumerate().take(MAX_PICTURES) {
             let log_t = exposure.effective_s().ln();
-            for (c, g) in response.log_exposure().iter().enumerate() {
+            for (c, g) in log_exposure.iter().enumerate() {
                 // No radiance beyond e^1000 can come out; the bound keeps the sums finite for any response.
-                let log_radiance = |z: u8| (f64::from(g[usize::from(z)]) - log_t).clamp(-1e3, 1e3);
+                let log_radiance =
+                    |z: u8| (g[usize::from(z)].to_f64().unwrap_or(0.0) - log_t).clamp(-1e3, 1e3);
                 for z in 0..=255u8 {
-                    tables.weighted[k][c][usize::from(z)] = (f64::from(weight(z)) * log_radiance(z)) as f32;
+                    tables.weighted[k][c][usize::from(z)] = T::of(f64::from(weight(z)) * log_radiance(z));
                 }
-                tables.at_least[k][c] = log_radiance(255) as f32;
-                tables.at_most[k][c] = log_radiance(0) as f32;
+                tables.at_least[k][c] = T::of(log_radiance(255));
+                tables.at_most[k][c] = T::of(log_radiance(0));
             }
         }
         tables
     }
 
     /// Merges up to [`BLOCK`] pixels; all slices have the same length.
-    fn merge_block(&self, sources: &[&[[u8; 3]]], radiance: &mut [[f32; 3]], flags: &mut [u8]) {
+    fn merge_block(&self, sources: &[&[[u8; 3]]], radiance: &mut [[T; 3]], flags: &mut [u8]) {
         let mut weights = [[0i16; 3]; BLOCK];
         let weights = &mut weights[..radiance.len()];
         // Sums of w (g - ln t): table look-ups, three pictures in one sweep.
@@ -176,7 +218,7 @@ impl Tables {
             }
         }
         for (e, &sum) in radiance.as_flattened_mut().iter_mut().zip(weights.as_flattened()) {
-            *e = exp(*e / f32::from(sum.max(1)));
+            *e = (*e / <T as From<i16>>::from(sum.max(1))).exp_bounded();
         }
         flags.fill(0);
         if weights.as_flattened().iter().fold(i16::MAX, |low, &sum| low.min(sum)) == 0 {
@@ -185,11 +227,11 @@ impl Tables {
     }
 
     /// Adds w (g - ln t) of the next N pictures, in the order of the pictures; the first sweep starts from 0.
-    fn add_weighted<const N: usize>(&self, done: usize, sources: &[&[[u8; 3]]], sums: &mut [[f32; 3]]) {
-        let tables: [&[[f32; 256]; 3]; N] = std::array::from_fn(|k| &self.weighted[done + k]);
+    fn add_weighted<const N: usize>(&self, done: usize, sources: &[&[[u8; 3]]], sums: &mut [[T; 3]]) {
+        let tables: [&[[T; 256]; 3]; N] = std::array::from_fn(|k| &self.weighted[done + k]);
         let sources: [&[[u8; 3]]; N] = std::array::from_fn(|k| &sources[done + k][..sums.len()]);
         for (i, sum) in sums.iter_mut().enumerate() {
-            let mut total = if done == 0 { [0.0; 3] } else { *sum };
+            let mut total = if done == 0 { [T::zero(); 3] } else { *sum };
             for (table, source) in tables.iter().zip(&sources) {
                 for ((total, table), &z) in total.iter_mut().zip(*table).zip(&source[i]) {
                     *total += table[usize::from(z)];
@@ -204,14 +246,14 @@ impl Tables {
         &self,
         sources: &[&[[u8; 3]]],
         weights: &[[i16; 3]],
-        radiance: &mut [[f32; 3]],
+        radiance: &mut [[T; 3]],
         flags: &mut [u8],
     ) {
         for (i, (weights, (radiance, flags))) in
             weights.iter().zip(radiance.iter_mut().zip(flags.iter_mut())).enumerate()
         {
             for c in (0..3).filter(|&c| weights[c] == 0) {
-                let (mut at_least, mut at_most) = (f32::NEG_INFINITY, f32::INFINITY);
+                let (mut at_least, mut at_most) = (T::neg_infinity(), T::infinity());
                 for (k, source) in sources.iter().enumerate() {
                     if source[i][c] == 255 {
                         at_least = at_least.max(self.at_least[k][c]);
@@ -222,9 +264,9 @@ impl Tables {
                 let (log_radiance, flag) = match (at_least.is_finite(), at_most.is_finite()) {
                     (true, false) => (at_least, LOWER_BOUND),
                     (false, _) => (at_most, UPPER_BOUND),
-                    (true, true) => (0.5 * (at_least + at_most), LOWER_BOUND | UPPER_BOUND),
+                    (true, true) => (T::of(0.5) * (at_least + at_most), LOWER_BOUND | UPPER_BOUND),
                 };
-                radiance[c] = exp(log_radiance);
+                radiance[c] = log_radiance.exp_bounded();
                 *flags |= flag;
             }
         }

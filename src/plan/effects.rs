@@ -214,7 +214,11 @@ mod tests {
             openness: vec![1.0; 3],
         };
         let surface = |receives_shadow| RealSurface { name: "s".into(), mesh: mesh(), receives_shadow };
-        Scene { objects: vec![object; objects], surfaces: receives.map(surface).into_iter().collect() }
+        Scene {
+            objects: vec![object; objects],
+            surfaces: receives.map(surface).into_iter().collect(),
+            ..Scene::default()
+        }
     }
 
     fn sun(to_light_world: [f32; 3], e: f32) -> Lights {

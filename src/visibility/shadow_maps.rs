@@ -11,6 +11,7 @@ mod set;
 
 pub use set::{ShadowMaps, side_of_each};
 
+use crate::math::sh::Real;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -121,13 +122,10 @@ fn axes(light: glam::DVec3) -> (glam::DVec3, glam::DVec3) {
 /// Depth bias in metres: the largest change of depth of a flat receiver over the filter's footprint,
 /// `min(max, texel (pcf + 1/2) sqrt2 tan(theta))` (spec 10), with `pcf` the half width of the filter in
 /// texels and `theta` between the receiver's normal and the light. A cosine of zero or less gives the largest.
-pub fn bias_m(texel_m: f32, pcf_half_width_texels: f32, cos_theta: f32, max_bias_m: f32) -> f32 {
-    if cos_theta <= 0.0 {
-        return max_bias_m;
-    }
-    let c = cos_theta.min(1.0);
-    let tan = ((1.0 - c) * (1.0 + c)).sqrt() / c;
-    (texel_m * (pcf_half_width_texels + 0.5) * std::f32::consts::SQRT_2 * tan).min(max_bias_m)
+pub fn bias_m<T: Real>(texel_m: T, pcf_half_width_texels: T, cos_theta: T, max_bias_m: T) -> T {
+    let c = cos_theta.min(T::one());
+    let tan = if c > T::zero() { ((T::one() - c) * (T::one() + c)).sqrt() / c } else { T::infinity() };
+    (texel_m * (pcf_half_width_texels + T::of(0.5)) * T::SQRT_2() * tan).min(max_bias_m)
 }
 
 /// Share of the light, 0 to 1, that reaches a position of the map: percentage-closer filtering by a box of

@@ -2,9 +2,13 @@
 //! Condon-Shortley phase inside P, index l(l+1)+m, z up.
 
 pub mod basis;
+pub mod cap;
+pub mod lanes;
+pub mod log_exp;
 pub mod product;
 pub mod project;
 pub mod rotate;
+pub mod soft_directions;
 pub mod zonal;
 
 /// Largest order supported; bands 0..=5.

@@ -1,0 +1,207 @@
+//! Several receivers side by side: one number of each in a [`Lane`], and the SH kernels over lanes.
+//!
+//! Every lane goes through the same operations in the same order whatever the width, so a batch of eight gives, bit
+//! for bit, what eight batches of one give. Only plain additions and multiplications: no fused ones.
+
+use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis, product};
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+
+/// One number of each of L receivers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lane<T, const L: usize>(pub [T; L]);
+
+/// Coefficients of L functions: order^2 of them are in use.
+pub type LaneSh<T, const L: usize> = [Lane<T, L>; MAX_COEFFICIENTS];
+
+impl<T: Real, const L: usize> Lane<T, L> {
+    /// The same number in every lane.
+    #[inline(always)]
+    pub fn splat(number: T) -> Self {
+        Self([number; L])
+    }
+
+    /// Zero in every lane.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([T::zero(); L])
+    }
+
+    /// A function of each lane's number.
+    #[inline(always)]
+    pub fn map(self, f: impl Fn(T) -> T) -> Self {
+        Self(self.0.map(f))
+    }
+
+    /// A function of each lane's two numbers.
+    #[inline(always)]
+    pub fn zip(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
+        let mut out = self.0;
+        for (a, b) in out.iter_mut().zip(other.0) {
+            *a = f(*a, b);
+        }
+        Self(out)
+    }
+
+    /// The smaller number; as `if a < b { a } else { b }`, one instruction.
+    #[inline(always)]
+    pub fn at_most(self, other: T) -> Self {
+        self.map(|a| if a < other { a } else { other })
+    }
+
+    /// The larger number; NaN becomes `other`.
+    #[inline(always)]
+    pub fn at_least(self, other: T) -> Self {
+        self.map(|a| if a > other { a } else { other })
+    }
+
+    /// Square roots.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        self.map(T::sqrt)
+    }
+
+    /// This lane's number where `keep`, else the other's.
+    #[inline(always)]
+    pub fn or(self, keep: [bool; L], other: Self) -> Self {
+        let mut out = other.0;
+        for ((out, own), keep) in out.iter_mut().zip(self.0).zip(keep) {
+            *out = if keep { own } else { *out };
+        }
+        Self(out)
+    }
+}
+
+impl<T: Real, const L: usize> Add for Lane<T, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl<T: Real, const L: usize> AddAssign for Lane<T, L> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<T: Real, const L: usize> Sub for Lane<T, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl<T: Real, const L: usize> Mul for Lane<T, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+}
+
+impl<T: Real, const L: usize> Mul<T> for Lane<T, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, factor: T) -> Self {
+        self.map(|a| a * factor)
+    }
+}
+
+impl<T: Real, const L: usize> Neg for Lane<T, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|a| -a)
+    }
+}
+
+/// All zero.
+#[inline(always)]
+pub fn nothing<T: Real, const L: usize>() -> LaneSh<T, L> {
+    [Lane::zero(); MAX_COEFFICIENTS]
+}
+
+/// Adds zonal functions, each turned to its lane's axis: out_lm += z_l sqrt(4 pi/(2l+1)) y_lm(axis)
+/// (Eq. 3 of [Now11]). `scaled[l]` is z_l sqrt(4 pi/(2l+1)); N is the order, 1 to 6.
+#[inline(always)]
+pub fn add_zonal<T: Real, const N: usize, const L: usize>(
+    axis: [Lane<T, L>; 3],
+    scaled: &[Lane<T, L>; MAX_ORDER],
+    out: &mut LaneSh<T, L>,
+) {
+    let [x, y, z] = axis;
+    let (mut re, mut im) = (Lane::splat(T::one()), Lane::zero());
+    for m in 0..N {
+        let (mut below, mut legendre) = (Lane::zero(), Lane::splat(T::of(basis::DIAGONAL[m])));
+        for l in m..N {
+            if l > m {
+                let (a, b) = basis::RECURRENCE[l][m];
+                let next = (z * legendre - below * T::of(b)) * T::of(a);
+                (below, legendre) = (legendre, next);
+            }
+            let centre = l * (l + 1);
+            let weighted = legendre * scaled[l];
+            out[centre + m] += weighted * re;
+            if m > 0 {
+                out[centre - m] += weighted * im;
+            }
+        }
+        (re, im) = (x * re - y * im, x * im + y * re);
+    }
+}
+
+/// The truncated product of functions, lane by lane (Eq. 4 of [Now11]); N is the order. As `product::product`
+/// up to rounding.
+#[inline]
+pub fn product<T: Real, const N: usize, const L: usize>(
+    f: &LaneSh<T, L>,
+    g: &LaneSh<T, L>,
+    out: &mut LaneSh<T, L>,
+) {
+    for out in out.iter_mut().take(N * N) {
+        *out = Lane::zero();
+    }
+    for &product::Gamma { i, j, k, integral } in product::gamma(N) {
+        let weight = T::of(integral);
+        let mut add = |to: usize, a: usize, b: usize| {
+            let both = if a == b { f[a] * g[a] } else { f[a] * g[b] + f[b] * g[a] };
+            out[to] += both * weight;
+        };
+        add(k, i, j);
+        if j != k {
+            add(j, i, k);
+        }
+        if i != j {
+            add(i, j, k);
+        }
+    }
+}
+
+/// Takes each lane to what 0 <= V <= 1 allows: V_0 into [0, sqrt(4 pi)], then |V_{l>0}| to at most
+/// sqrt(sqrt(4 pi) V_0 - V_0^2). A true visibility passes unchanged; what is not finite becomes V_0 alone.
+#[inline]
+pub fn guard<T: Real, const N: usize, const L: usize>(v: &mut LaneSh<T, L>) {
+    let whole = (T::of(4.0) * T::PI()).sqrt();
+    v[0] = v[0].at_least(T::zero()).at_most(whole);
+    let mut square = Lane::zero();
+    for v in &v[1..N * N] {
+        square += *v * *v;
+    }
+    let bound = (v[0] * (Lane::splat(whole) - v[0])).at_least(T::zero());
+    if square.0.iter().zip(bound.0).all(|(square, bound)| *square <= bound) {
+        return;
+    }
+    for lane in 0..L {
+        let (square, bound) = (square.0[lane], bound.0[lane]);
+        if square <= bound {
+            continue;
+        }
+        let scale = if square.is_finite() { (bound / square).sqrt() } else { T::zero() };
+        for v in &mut v[1..N * N] {
+            v.0[lane] = if scale > T::zero() { v.0[lane] * scale } else { T::zero() };
+        }
+    }
+}
