@@ -1,0 +1,6 @@
+//! Figures through time: clips, skins, walks, and everything of a scene as it stands at one moment.
+
+pub mod clip;
+pub mod posed;
+pub mod skin;
+pub mod walk;
