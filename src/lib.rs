@@ -36,5 +36,6 @@ pub mod math;
 pub mod model;
 pub mod pipeline;
 pub mod plan;
+pub mod sources;
 pub mod track;
 pub mod visibility;

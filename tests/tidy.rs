@@ -34,8 +34,13 @@ const LAYERS: [(&str, u8); 19] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 4] =
-    [("compose", "visibility"), ("cli", "daemon"), ("cli", "config"), ("daemon", "config")];
+const DRAWN: [(&str, &str); 5] = [
+    ("compose", "visibility"),
+    ("light", "sources"),
+    ("cli", "daemon"),
+    ("cli", "config"),
+    ("daemon", "config"),
+];
 
 /// Names that say nothing.
 const EMPTY_NAMES: [&str; 9] =

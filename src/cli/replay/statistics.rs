@@ -31,7 +31,7 @@ pub struct FrameNumbers {
 
 impl FrameNumbers {
     /// Measures one frame.
-    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>, bounded_split: bool) -> Self {
+    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>) -> Self {
         let mut numbers = Self { stage_ms: outcome.stage_ms, ..Self::default() };
         if let Some(pose) = &outcome.pose {
             numbers.pose_measured = pose.provenance == Provenance::Measured;
@@ -48,7 +48,7 @@ impl FrameNumbers {
             let found = DVec3::from(direct.to_light_world.map(f64::from));
             let exact = DVec3::from(truth.to_light_world.map(f64::from));
             numbers.direction_error_deg = Some(angle_deg(found, exact));
-            let exact_rgb = true_irradiance_rgb(truth, light.total.order, bounded_split);
+            let exact_rgb = true_irradiance_rgb(truth, light.total.order);
             let found_rgb = direct.irradiance_rgb.map(f64::from);
             if gray(exact_rgb) > 0.0 {
                 numbers.irradiance_error = Some(gray(found_rgb) / gray(exact_rgb) - 1.0);
@@ -67,11 +67,11 @@ fn gray(rgb: [f64; 3]) -> f64 {
 }
 
 /// E_d of the truth, split as the measured light is.
-fn true_irradiance_rgb(truth: &Truth, order: usize, bounded: bool) -> [f64; 3] {
+fn true_irradiance_rgb(truth: &Truth, order: usize) -> [f64; 3] {
     let mut light = RadianceSh::zero(order.min(truth.light.order));
     let rows = light.order * light.order;
     light.rgb[..rows].copy_from_slice(&truth.light.rgb[..rows]);
-    let halves = split(&light, &SplitOptions { bounded, ..SplitOptions::default() });
+    let halves = split(&light, &SplitOptions::default());
     halves.direct.map_or([0.0; 3], |d| d.irradiance_rgb.map(f64::from))
 }
 
