@@ -22,6 +22,7 @@
 //!
 //! `src/README.md` is the map.
 
+pub mod animate;
 pub mod assets;
 pub mod cli;
 pub mod compose;
@@ -35,5 +36,6 @@ pub mod math;
 pub mod model;
 pub mod pipeline;
 pub mod plan;
+pub mod sources;
 pub mod track;
 pub mod visibility;

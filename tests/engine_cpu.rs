@@ -13,7 +13,7 @@ use halflight::math::{lens::Distortion, lens::Lens, pose::Pose};
 use halflight::model::{
     frame::Exposure,
     image::{HdrImage, Image, Rgb8Image},
-    light::{DirectionalLight, RadianceSh, SplitLight},
+    light::{HardLight, HardLights, Lights, RadianceSh},
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -78,25 +78,28 @@ fn scene() -> Scene {
             sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
         ],
         surfaces: vec![ground()],
+        figures: Vec::new(),
     }
 }
 
-fn light() -> SplitLight {
+fn light() -> Lights {
     let mut global = RadianceSh::zero(4);
     global.rgb[0] = [1.2, 1.3, 1.6];
     global.rgb[2] = [0.3, 0.3, 0.5];
-    let direct = DirectionalLight {
-        to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
-        irradiance_rgb: [3.0, 2.8, 2.4],
-        fade: 1.0,
-    };
-    SplitLight { direct: Some(direct), global }
+    let mut light = Lights::soft(global);
+    light.hard.push(sun(Vec3::new(0.4, 0.3, 0.7)));
+    light.hard.push(HardLight { to_light_world: [0.0, 0.6, 0.8], irradiance_rgb: [0.3, 0.2, 0.1] });
+    light
+}
+
+fn sun(to_light: Vec3) -> HardLight {
+    HardLight { to_light_world: to_light.normalize().to_array(), irradiance_rgb: [3.0, 2.8, 2.4] }
 }
 
 struct Frame {
     lens: Lens,
     pose: Pose,
-    light: SplitLight,
+    light: Lights,
     background: HdrImage,
     response: Response,
 }
@@ -228,8 +231,10 @@ fn no_allocation_per_frame() {
         let phase = (k % 20) as f64 * 0.314;
         let eye = DVec3::new(0.3 + 0.1 * phase.sin(), -0.6, 0.5 + 0.05 * phase.cos());
         frame.pose = Pose::look_at(eye, DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
-        let to_light = Vec3::new(0.4, 0.3 * phase.cos() as f32, 0.7).normalize();
-        frame.light.direct.as_mut().unwrap().to_light_world = to_light.to_array();
+        let second = frame.light.hard.as_slice()[1];
+        frame.light.hard = HardLights::none();
+        frame.light.hard.push(sun(Vec3::new(0.4, 0.3 * phase.cos() as f32, 0.7)));
+        frame.light.hard.push(second);
         let bracket = Bracket { pictures: &pictures, exposures: &exposures };
         engine.merge_bracket(&bracket, &frame.response, &mut merged).unwrap();
         let occasion = Occasion { camera: Some((&frame.lens, &frame.pose)), ..Occasion::SHOW };
@@ -295,7 +300,9 @@ fn an_empty_scene_and_broken_meshes_leave_the_picture_as_it_is() {
     let mut broken = sphere("broken", 4, Vec3::ZERO, 0.1, Material::Mirror { reflectance_rgb: [1.0; 3] });
     broken.mesh.positions.iter_mut().for_each(|p| p.x = f32::NAN);
     broken.mesh.triangles.push([0, 1, 999]);
-    for scene in [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()] }] {
+    for scene in
+        [Scene::default(), Scene { objects: vec![broken], surfaces: vec![ground()], ..Scene::default() }]
+    {
         // The plan of a full scene on purpose: engines take what they get.
         let plan = frame.plan(&self::scene());
         let (picture, _) = draw(2, &frame, &scene, &plan);

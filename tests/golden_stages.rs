@@ -122,7 +122,7 @@ fn shading_kernel(entry: &Entry) {
     let split = split(&light, &SplitOptions { gray_weights: weights(entry), ..SplitOptions::default() });
     let axis = Vec3::from(entry.direction::<f32>("axis"));
     // Seen along the normal the mirrored view is the normal, so that it is the axis of both lobes.
-    let point = ObjectPoint { normal: axis, to_eye: axis, tint_openness: [1.0; 4], visibility: 1.0 };
+    let point = ObjectPoint { normal: axis, to_eye: axis, tint_openness: [1.0; 4] };
     let lambert = entry.id == "shade.0";
     let material = if lambert {
         Material::Lambert { albedo_rgb: [1.0; 3] }
@@ -131,7 +131,8 @@ fn shading_kernel(entry: &Entry) {
     };
     // The kernel's Phong lobe has the energy-safe norm, (s+1)/(s+2) of the file's.
     let norm = if lambert { 1.0 } else { 41.0 / 42.0 };
-    let got = shade(&LightTerms::of(&split), &MaterialTerms::of(&material), &point).map(|v| v / norm);
+    let got = shade(&LightTerms::of(&split.into()), &MaterialTerms::of(&material), &point, |_| 1.0)
+        .map(|v| v / norm);
     entry.check_key("total", Some(&got));
 }
 

@@ -110,7 +110,7 @@ fn f4_shadow_of_the_sun() {
         // Without a sun nothing that has to do with it is run.
         let passes: Vec<Pass> = sky.drawn.plan.passes.iter().map(|p| p.pass).collect();
         assert_eq!(passes, [Pass::ShadeObject, Pass::Composite, Pass::Tonemap]);
-        assert!(sky.still.light.direct.is_none());
+        assert!(sky.still.light.hard.as_slice().is_empty());
         for mask in &sun.comparison.masks {
             assert!((mask.mean_ratio - 1.0).abs() < 0.02, "{id} {}: {}", mask.name, mask.mean_ratio);
         }

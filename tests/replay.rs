@@ -53,6 +53,19 @@ fn light_and_pose_agree_with_the_truth() {
     println!("{:#}", report["pose"]);
     // The demand: the dominant direction within 2 degrees of the truth on every frame after the warm-up.
     assert!(number("/light/direction_error/max_deg") <= 2.0);
+    // Measured: 0.67 in the median, 0.77 at worst, the lamp being near (see below).
+    assert!(number("/light/direction_error/median_deg") <= 0.75);
+    // E_d against the truth at the ball's centre. Measured: medians 1.8, 2.4 and 1.2 %, worst 2.9, 3.5 and 3.0 % (red,
+    // green, blue); it was 12, 9 and 11 % too low in the median while older frames were blended as 8-bit values.
+    // Without JPEG (`synthetic:`) it is 4.4, 3.6 and 2.7 % too high, from a camera that stands still and without noise
+    // 5.7, 4.7 and 4.0 %: the lamp is 2.0 m away, and the ball's mirrored rays come as from half its radius off its
+    // centre, up to 0.03 m nearer to the lamp, which by the square of the distance makes up to 3 %, and 0.8 degrees in
+    // direction. JPEG of quality 96 takes some of it away.
+    for channel in 0..3 {
+        let error = |part| number(&format!("/light/irradiance_error_rgb/{channel}/{part}_relative"));
+        assert!(error("median") <= 0.03, "channel {channel}: {}", error("median"));
+        assert!(error("max") <= 0.045, "channel {channel}: {}", error("max"));
+    }
     // Tag pose within 2 mm and 0.5 degrees (median).
     assert!(number("/pose/position_error/median_mm") <= 2.0);
     assert!(number("/pose/rotation_error/median_deg") <= 0.5);

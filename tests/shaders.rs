@@ -140,6 +140,10 @@ fn kind(module: &naga::Module, variable: &naga::GlobalVariable) -> BindingKind {
             ImageClass::Sampled { kind: ScalarKind::Uint, multi: false } => BindingKind::Uints,
             other => panic!("{:?}: no binding kind for {other:?}", variable.name),
         },
+        (_, TypeInner::Image { dim: ImageDimension::D2, arrayed: true, class }) => match class {
+            ImageClass::Sampled { kind: ScalarKind::Uint, multi: false } => BindingKind::UintLayers,
+            other => panic!("{:?}: no binding kind for {other:?}", variable.name),
+        },
         other => panic!("{:?}: no binding kind for {other:?}", variable.name),
     }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const LONGEST: usize = 500;
 
 /// Folders of `src/` and their layers: a file uses only layers below its own.
-const LAYERS: [(&str, u8); 18] = [
+const LAYERS: [(&str, u8); 19] = [
     ("math", 0),
     ("model", 1),
     ("hdr", 2),
@@ -23,6 +23,7 @@ const LAYERS: [(&str, u8); 18] = [
     ("compose", 2),
     ("reference", 2),
     ("plan", 2),
+    ("animate", 2),
     ("device", 3),
     ("engine", 3),
     ("assets", 3),
@@ -33,8 +34,13 @@ const LAYERS: [(&str, u8); 18] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 4] =
-    [("compose", "visibility"), ("cli", "daemon"), ("cli", "config"), ("daemon", "config")];
+const DRAWN: [(&str, &str); 5] = [
+    ("compose", "visibility"),
+    ("light", "sources"),
+    ("cli", "daemon"),
+    ("cli", "config"),
+    ("daemon", "config"),
+];
 
 /// Names that say nothing.
 const EMPTY_NAMES: [&str; 9] =

@@ -20,7 +20,7 @@ use halflight::{
     model::{
         frame::Exposure,
         image::{HdrImage, Rgb8Image},
-        light::{DirectionalLight, RadianceSamples, RadianceSh, SplitLight},
+        light::{HardLight, Lights, RadianceSamples, RadianceSh},
         picture::Picture,
         quality::Quality,
         response::Response,
@@ -216,6 +216,7 @@ fn scene() -> Scene {
             surface("box", box_mesh(Vec3::new(0.02, -0.25, 0.0), Vec3::new(0.1, -0.18, 0.07)), true),
             surface("board", box_mesh(Vec3::new(-0.3, -0.2, 0.0), Vec3::new(-0.2, -0.19, 0.1)), false),
         ],
+        figures: Vec::new(),
     }
 }
 
@@ -223,7 +224,7 @@ fn scene() -> Scene {
 struct Shot {
     lens: Lens,
     pose: Pose,
-    light: SplitLight,
+    light: Lights,
     background: HdrImage,
     response: Response,
     plan: FramePlan,
@@ -243,12 +244,18 @@ impl Shot {
         for (i, row) in global.rgb[..25].iter_mut().enumerate() {
             *row = [(); 3].map(|()| (dice.next() - 0.5) * 0.3 + if i == 0 { 1.3 } else { 0.0 });
         }
-        let direct = DirectionalLight {
+        let mut light = Lights::soft(global);
+        light.hard.push(HardLight {
             to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
             irradiance_rgb: [3.0, 2.8, 2.4],
-            fade: 1.0,
-        };
-        let light = SplitLight { direct: Some(direct), global };
+        });
+        // Six maps: an array that a GL driver could take for a cube map.
+        for k in 0..5 {
+            let to_light = Vec3::new(-0.5 + 0.05 * k as f32, 0.2, 0.8 - 0.1 * k as f32).normalize();
+            light
+                .hard
+                .push(HardLight { to_light_world: to_light.to_array(), irradiance_rgb: [0.2, 0.25, 0.3] });
+        }
         let mut plan = FramePlan::default();
         let quality = Quality { coverage_samples, shadow_map_texels: 512, ..Quality::default() };
         effects::plan(&Occasion::SHOW, &scene(), &light, &quality, &mut plan);

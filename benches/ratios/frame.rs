@@ -14,7 +14,7 @@ use halflight::{
     model::{
         frame::Exposure,
         image::{HdrImage, Rgb8Image},
-        light::{DirectionalLight, RadianceSh, SplitLight},
+        light::{HardLight, Lights, RadianceSh},
         picture::Picture,
         quality::Quality,
         response::Response,
@@ -65,13 +65,14 @@ fn scene(segments: u32) -> Scene {
             mesh: shapes::plane_z0(1.0),
             receives_shadow: true,
         }],
+        figures: Vec::new(),
     }
 }
 
 struct Frame {
     lens: Lens,
     pose: Pose,
-    light: SplitLight,
+    light: Lights,
     background: HdrImage,
     pictures: Vec<Rgb8Image>,
     exposures: [Exposure; 3],
@@ -97,12 +98,11 @@ impl Frame {
         let mut global = RadianceSh::zero(4);
         global.rgb[0] = [1.2, 1.3, 1.6];
         global.rgb[2] = [0.3, 0.3, 0.5];
-        let direct = DirectionalLight {
+        let mut light = Lights::soft(global);
+        light.hard.push(HardLight {
             to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
             irradiance_rgb: [3.0, 2.8, 2.4],
-            fade: 1.0,
-        };
-        let light = SplitLight { direct: Some(direct), global };
+        });
         let mut plan = FramePlan::default();
         effects::plan(&Occasion::SHOW, &scene, &light, &Quality::default(), &mut plan);
         Self {

@@ -3,6 +3,7 @@
 mod blockers;
 mod frame;
 mod merge_bracket;
+mod opencv;
 mod project_sh;
 
 fn main() {

@@ -1,4 +1,4 @@
-// Light onto virtual objects: E_d f+ from the directional half, the zonal lobe of the same f+ over the soft half
+// Light onto virtual objects: E_k f+ from each hard light, the zonal lobe of the same f+ over the soft half
 // (Eq. 16, 19 of [Now11], as corrected). Four samples a pixel; real surfaces hide what lies behind them.
 // Twin: src/compose/shade_object.rs (and src/compose/raster.rs for coverage).
 
@@ -13,9 +13,9 @@ struct MaterialTerms {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> light: LightTerms;
-@group(0) @binding(2) var<uniform> camera: ShadowCamera;
+@group(0) @binding(2) var<uniform> cameras: ShadowCameras;
 @group(0) @binding(3) var<uniform> material: MaterialTerms;
-@group(0) @binding(4) var shadow_map: texture_2d<u32>;
+@group(0) @binding(4) var shadow_maps: texture_2d_array<u32>;
 
 const FRAC_1_PI = 0.318309886;
 const TAU = 6.28318531;
@@ -97,24 +97,29 @@ fn shade(
     if exponent == MIRROR_EXPONENT {
         return specular * lobe_sum(TOTAL, material.lobe_low, material.lobe_high.xy, r);
     }
-    let w = light.to_light.xyz;
-    let cosine = max(dot(n, w), 0.0);
-    var visible = 0.0;
-    if cosine > 0.0 {
-        visible = visibility(camera, point_world, min(cosine, dot(facet, w)));
+    let is_glossy = any(specular != vec3<f32>(0.0));
+    var matt = vec3<f32>(0.0);
+    var shine = vec3<f32>(0.0);
+    for (var k = 0u; k < light.order_hard.y; k += 1u) {
+        let w = light.hard[k].to_light.xyz;
+        let cosine = dot(n, w);
+        // 0^0 is 1: the cosines decide before the power.
+        if cosine > 0.0 {
+            let visible = visibility(k, point_world, min(cosine, dot(facet, w)));
+            let irradiance = light.hard[k].irradiance_rgb.xyz;
+            matt += irradiance * (cosine * FRAC_1_PI * visible);
+            let along = dot(r, w);
+            if is_glossy && along > 0.0 {
+                shine += irradiance * ((exponent + 1.0) / TAU * pow(min(along, 1.0), exponent) * visible);
+            }
+        }
     }
     let openness = tint_openness.w;
     let albedo = material.albedo_rgb.xyz * tint_openness.xyz;
-    var out = albedo * (light.direct_rgb.xyz * (cosine * FRAC_1_PI * visible) + openness * soft_over_pi(n));
-    if any(specular != vec3<f32>(0.0)) {
+    var out = albedo * (matt + openness * soft_over_pi(n));
+    if is_glossy {
         let glossy = lobe_sum(GLOBAL, material.lobe_low, material.lobe_high.xy, r);
-        // 0^0 is 1: the cosine decides before the power.
-        let along = dot(r, w);
-        var direct = 0.0;
-        if along > 0.0 && cosine > 0.0 {
-            direct = (exponent + 1.0) / TAU * pow(min(along, 1.0), exponent) * visible;
-        }
-        out += specular * (light.direct_rgb.xyz * direct + openness * glossy);
+        out += specular * (shine + openness * glossy);
     }
     return out;
 }

@@ -3,8 +3,8 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> light: LightTerms;
-@group(0) @binding(2) var<uniform> camera: ShadowCamera;
-@group(0) @binding(3) var shadow_map: texture_2d<u32>;
+@group(0) @binding(2) var<uniform> cameras: ShadowCameras;
+@group(0) @binding(3) var shadow_maps: texture_2d_array<u32>;
 
 const PI = 3.14159265;
 const TINY_IRRADIANCE = 1e-12;
@@ -39,21 +39,29 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
 
 fn ratio(normal: vec3<f32>, facet: vec3<f32>, seen: Seen) -> vec3<f32> {
     let untouched = vec3<f32>(1.0);
-    let cosine = dot(normal, light.to_light.xyz);
-    // Turned away from the light: the ratio is 1 whatever the shadow.
-    if seen.receives < 0.5 || cosine <= 0.0 {
+    if seen.receives < 0.5 {
         return untouched;
     }
-    let facet_cosine = dot(facet, light.to_light.xyz);
-    var visible = 0.0;
-    if facet_cosine > 0.0 {
-        visible = visibility(camera, seen.point_world, facet_cosine);
+    var blocked = vec3<f32>(0.0);
+    var shed = vec3<f32>(0.0);
+    for (var k = 0u; k < light.order_hard.y; k += 1u) {
+        let w = light.hard[k].to_light.xyz;
+        let cosine = dot(normal, w);
+        // Turned away from the light: it gives nothing, and nothing can be taken.
+        if cosine > 0.0 {
+            let facet_cosine = dot(facet, w);
+            var visible = 0.0;
+            if facet_cosine > 0.0 {
+                visible = visibility(k, seen.point_world, facet_cosine);
+            }
+            let irradiance = light.hard[k].irradiance_rgb.xyz * cosine;
+            blocked += irradiance * (1.0 - visible);
+            shed += irradiance;
+        }
     }
-    if visible >= 1.0 {
+    if all(blocked == vec3<f32>(0.0)) {
         return untouched;
     }
-    let direct = light.direct_rgb.xyz * cosine;
-    let soft = max(PI * soft_over_pi(normal), vec3<f32>(0.0));
-    let all = direct + soft;
-    return select(untouched, (direct * visible + soft) / all, all > vec3<f32>(TINY_IRRADIANCE));
+    let whole = shed + max(PI * soft_over_pi(normal), vec3<f32>(0.0));
+    return select(untouched, max(1.0 - blocked / whole, vec3<f32>(0.0)), whole > vec3<f32>(TINY_IRRADIANCE));
 }

@@ -1,4 +1,4 @@
-// The orthographic camera that looks along the directional light.
+// The orthographic camera that looks along a hard light.
 // Twin: src/visibility/shadow_maps.rs (ShadowCamera).
 
 struct ShadowCamera {
@@ -10,6 +10,10 @@ struct ShadowCamera {
     texel_depth_m: vec4<f32>,
     // Texels a side (0: there is no map and everything is lit), taps a side of the filter.
     texels_taps: vec4<u32>,
+}
+
+struct ShadowCameras {
+    cameras: array<ShadowCamera, 64>,
 }
 
 fn map_position(camera: ShadowCamera, p: vec3<f32>) -> vec3<f32> {

@@ -1,4 +1,4 @@
-// How much of the directional light virtual objects let through to a point.
+// How much of a hard light virtual objects let through to a point.
 // Twin: src/visibility/shadow_maps.rs (bias_m, lit, visibility).
 
 const EMPTY_DEPTH = 1.0;
@@ -28,10 +28,10 @@ fn tap_weight(i: u32, side: u32, fraction: f32) -> f32 {
     return 1.0;
 }
 
-fn lit(camera: ShadowCamera, at: vec2<f32>, depth: f32) -> f32 {
-    let texels = i32(camera.texels_taps.x);
+fn lit(k: u32, at: vec2<f32>, depth: f32) -> f32 {
+    let texels = i32(cameras.cameras[k].texels_taps.x);
     let reference = min(depth, EMPTY_DEPTH);
-    let side = max(camera.texels_taps.y, 1u) - 1u;
+    let side = max(cameras.cameras[k].texels_taps.y, 1u) - 1u;
     let half = 0.5 * f32(side);
     let corner = floor(at - half);
     let inside = all(corner >= vec2<f32>(-16.0)) && all(corner < vec2<f32>(f32(texels)));
@@ -47,7 +47,7 @@ fn lit(camera: ShadowCamera, at: vec2<f32>, depth: f32) -> f32 {
             let texel = first + vec2<i32>(i32(i), i32(j));
             var stored = EMPTY_DEPTH;
             if all(texel >= vec2<i32>(0)) && all(texel < vec2<i32>(texels)) {
-                stored = bitcast<f32>(textureLoad(shadow_map, texel, 0).x);
+                stored = bitcast<f32>(textureLoad(shadow_maps, texel, i32(k), 0).x);
             }
             if reference <= stored {
                 sum += tap_weight(i, side, fraction.x) * weight_y;
@@ -58,8 +58,9 @@ fn lit(camera: ShadowCamera, at: vec2<f32>, depth: f32) -> f32 {
     return min(sum / (norm * norm), 1.0);
 }
 
-// `cos_theta`: the receiver's facet normal times the light.
-fn visibility(camera: ShadowCamera, point_world: vec3<f32>, cos_theta: f32) -> f32 {
+// Of hard light k. `cos_theta`: the receiver's facet normal times the light.
+fn visibility(k: u32, point_world: vec3<f32>, cos_theta: f32) -> f32 {
+    let camera = cameras.cameras[k];
     if camera.texels_taps.x == 0u {
         return 1.0;
     }
@@ -67,5 +68,5 @@ fn visibility(camera: ShadowCamera, point_world: vec3<f32>, cos_theta: f32) -> f
     let texel_m = camera.texel_depth_m.x;
     let half_width = 0.5 * f32(camera.texels_taps.y);
     let bias = bias_m(texel_m, half_width, cos_theta, MAX_BIAS_TEXELS * texel_m) + ROUNDING_TEXELS * texel_m;
-    return lit(camera, at.xy, at.z - bias / camera.texel_depth_m.y);
+    return lit(k, at.xy, at.z - bias / camera.texel_depth_m.y);
 }

@@ -1,20 +1,23 @@
 // The light of a frame, and the sums of its soft half. Twin: src/compose/shade_object.rs (LightTerms).
 
-struct LightTerms {
-    // Unit, towards the directional light, world frame; zero where there is none.
+struct HardLight {
+    // Unit, towards the light, world frame.
     to_light: vec4<f32>,
-    // E_d.
-    direct_rgb: vec4<f32>,
-    // Order n of the tables; rows beyond n^2 are zero.
-    order: vec4<u32>,
+    irradiance_rgb: vec4<f32>,
+}
+
+struct LightTerms {
+    // x: order n of the tables; rows beyond n^2 are zero. y: hard lights in use.
+    order_hard: vec4<u32>,
     // x multiplies the radiance of objects, so that 16-bit floats hold it: 1 is the camera's white.
     exposure: vec4<f32>,
     // irradiance / pi of the soft half: the sum of rows times y(normal).
     soft_rgb: array<vec4<f32>, 36>,
     // L_g.
     global_rgb: array<vec4<f32>, 36>,
-    // L_g + E_d y(w_d).
+    // L_g + sum of E_k y(w_k).
     total_rgb: array<vec4<f32>, 36>,
+    hard: array<HardLight, 64>,
 }
 
 const SOFT = 0u;
@@ -45,7 +48,7 @@ fn lobe_sum(rows: u32, low: vec4<f32>, high: vec2<f32>, direction: vec3<f32>) ->
         + y[13] * light_row(rows, 13u) + y[14] * light_row(rows, 14u)
         + y[15] * light_row(rows, 15u);
     var sum = low.x * band0 + low.y * band1 + low.z * band2 + low.w * band3;
-    if light.order.x > 4u {
+    if light.order_hard.x > 4u {
         let h = sh_high(direction);
         let band4 = h[0] * light_row(rows, 16u) + h[1] * light_row(rows, 17u)
             + h[2] * light_row(rows, 18u) + h[3] * light_row(rows, 19u)

@@ -61,6 +61,13 @@ impl AssetError {
         self
     }
 
+    /// Says in which part of the file it is: `meshes[0].primitives[1], NORMAL`.
+    #[must_use]
+    pub fn inside(mut self, part: impl Display) -> Self {
+        self.what = format!("{part}, {}", self.what).into();
+        self
+    }
+
     /// Several errors as one: the first, with the rest in `others`. `None` where there are none.
     pub fn together(errors: impl IntoIterator<Item = Self>) -> Option<Self> {
         let mut errors = errors.into_iter();

@@ -11,3 +11,4 @@ pub mod pictures;
 pub mod response;
 pub mod scene;
 pub mod shapes;
+pub mod spheres;

@@ -12,6 +12,12 @@ use std::collections::HashMap;
 /// Triangles without area or with an index out of range are dropped; `tints_rgb` that does not match the positions
 /// becomes white. Old normals are ignored.
 pub fn creased(mesh: &Mesh, crease_deg: f32) -> Mesh {
+    creased_from(mesh, crease_deg, &[]).0
+}
+
+/// `creased`, and for each vertex of the result the vertex that it came from. Vertices of different `kinds` (one for each
+/// vertex, or empty: all of one kind) are never shared.
+pub fn creased_from(mesh: &Mesh, crease_deg: f32, kinds: &[u32]) -> (Mesh, Vec<u32>) {
     let limit = crease_deg.to_radians().cos() - 1e-6;
     let sound: Vec<([u32; 3], Vec3)> = mesh
         .triangles
@@ -33,7 +39,8 @@ pub fn creased(mesh: &Mesh, crease_deg: f32) -> Mesh {
     }
     let tinted = mesh.tints_rgb.len() == mesh.positions.len();
     let mut out = Mesh::default();
-    let mut known: HashMap<[u32; 9], u32> = HashMap::new();
+    let mut sources = Vec::new();
+    let mut known: HashMap<[u32; 10], u32> = HashMap::new();
     for (corners, face_normal) in &sound {
         let own = face_normal.normalize();
         let triangle = corners.map(|corner| {
@@ -48,8 +55,10 @@ pub fn creased(mesh: &Mesh, crease_deg: f32) -> Mesh {
                 sum.try_normalize().unwrap_or(own)
             };
             let (p, n, t) = (bits(position), bits(normal), tint.map(f32::to_bits));
-            let key = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2]];
+            let kind = kinds.get(corner as usize).copied().unwrap_or(0);
+            let key = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], kind];
             *known.entry(key).or_insert_with(|| {
+                sources.push(corner);
                 out.positions.push(position);
                 out.normals.push(normal);
                 out.tints_rgb.push(tint);
@@ -58,7 +67,7 @@ pub fn creased(mesh: &Mesh, crease_deg: f32) -> Mesh {
         });
         out.triangles.push(triangle);
     }
-    out
+    (out, sources)
 }
 
 /// Bits of a point, with -0 taken as 0, so that equal points have equal bits.

@@ -8,6 +8,7 @@ pub mod light;
 pub mod record;
 pub mod render;
 pub mod replay;
+pub mod spheres;
 pub mod synth;
 pub mod tags;
 
@@ -40,6 +41,8 @@ pub enum Verb {
     Tags(tags::Arguments),
     /// Record a device to an MCAP file.
     Record(record::Arguments),
+    /// Fit spheres to a model, for its soft shadow.
+    Spheres(spheres::Arguments),
     /// Make a recording of the synthetic room, with its truth.
     Synth(synth::Arguments),
     /// Check a configuration file; prints all mistakes at once.
@@ -58,6 +61,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
         Verb::Hdr(a) => hdr::run(a, common),
         Verb::Tags(a) => tags::run(a, common),
         Verb::Record(a) => record::run(a, common),
+        Verb::Spheres(a) => spheres::run(a, common),
         Verb::Synth(a) => synth::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Devices(a) => devices::run(a, common),

@@ -1,26 +1,23 @@
 //! What virtual objects leave of the light on real surfaces, as a ratio for each pixel: the camera's picture
-//! already holds the surface's albedo and its lighting. Ratio form of spec 9, with the one hard shadow of
-//! Section 6 of [Now11]. Twin: `shaders/compose/shade_surface.wgsl`.
+//! already holds the surface's albedo and its lighting. Ratio form of spec 9, with the hard shadows of
+//! Section 6 of [Now11], each tinted by the light that remains. Twin: `shaders/compose/shade_surface.wgsl`.
 
-use super::shade_object::{LightTerms, soft_over_pi};
-use crate::visibility::shadow_maps::{self, ShadowCamera};
+use super::shade_object::{LightTerms, soft_over_pi, unshadowed};
+use crate::visibility::shadow_maps::ShadowMaps;
 use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Irradiance at or below this counts as no light: nothing to take away, the ratio is 1.
 pub const TINY_IRRADIANCE: f32 = 1e-12;
 
-/// Ratio of shadowed to unshadowed irradiance for each channel, within [0, 1]:
-/// `(E_d max(0, n.w_d) V + E_g(n)) / (E_d max(0, n.w_d) + E_g(n))`, E_g clamped at 0; 1 where no light falls.
-/// `normal`: unit, world frame, on the seen side; `visibility` within [0, 1].
-pub fn ratio(light: &LightTerms, normal: Vec3, visibility: f32) -> [f32; 3] {
-    let cosine = normal.dot(Vec3::from(light.to_light_world)).max(0.0);
-    let soft = soft_over_pi(light, normal);
+/// Ratio of shadowed to unshadowed irradiance for each channel, within [0, 1]: `blocked` (not negative) is what
+/// virtual objects take of the hard lights' irradiance on the normal, E_g the soft half's, clamped at 0:
+/// `1 - blocked / (sum of E_k max(0, n.w_k) + E_g(n))`; 1 where no light falls.
+pub fn ratio(light: &LightTerms, normal: Vec3, blocked_rgb: [f32; 3]) -> [f32; 3] {
+    let (hard, soft) = (unshadowed(light, normal), soft_over_pi(light, normal));
     std::array::from_fn(|c| {
-        let direct = light.direct_rgb[c] * cosine;
-        let global = (PI * soft[c]).max(0.0);
-        let all = direct + global;
-        if all > TINY_IRRADIANCE { (direct * visibility + global) / all } else { 1.0 }
+        let all = hard[c] + (PI * soft[c]).max(0.0);
+        if all > TINY_IRRADIANCE { (1.0 - blocked_rgb[c] / all).max(0.0) } else { 1.0 }
     })
 }
 
@@ -28,27 +25,33 @@ pub fn ratio(light: &LightTerms, normal: Vec3, visibility: f32) -> [f32; 3] {
 pub struct SurfaceFrame<'a> {
     /// The light.
     pub light: &'a LightTerms,
-    /// The shadow camera.
-    pub camera: &'a ShadowCamera,
-    /// Its map.
-    pub map: &'a [f32],
+    /// The shadow maps, one for each hard light.
+    pub shadows: &'a ShadowMaps,
     /// Taps a side of the filter.
     pub pcf_taps: u32,
 }
 
 /// The ratio at a point of a receiving surface (world frame); `normal` and `facet_normal` are unit, on the seen
-/// side. A facet turned away from the light is in full shadow, a normal turned away gets no direct light and the
-/// ratio is 1 whatever the shadow.
+/// side. A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
+/// nothing can be taken from it.
 pub fn at(frame: &SurfaceFrame<'_>, point_world: Vec3, normal: Vec3, facet_normal: Vec3) -> [f32; 3] {
-    let to_light = Vec3::from(frame.light.to_light_world);
-    if normal.dot(to_light) <= 0.0 {
-        return [1.0; 3];
+    let mut blocked = [0.0f32; 3];
+    for (k, hard) in frame.light.hard().iter().enumerate() {
+        let to_light = Vec3::from(hard.to_light_world);
+        let cosine = normal.dot(to_light);
+        if cosine <= 0.0 {
+            continue;
+        }
+        let facet_cosine = facet_normal.dot(to_light);
+        let visible = if facet_cosine <= 0.0 {
+            0.0
+        } else {
+            frame.shadows.visibility(k, frame.pcf_taps, point_world, facet_cosine)
+        };
+        let taken = cosine * (1.0 - visible);
+        for (b, e) in blocked.iter_mut().zip(hard.irradiance_rgb) {
+            *b += e * taken;
+        }
     }
-    let cosine = facet_normal.dot(to_light);
-    let visible = if cosine <= 0.0 {
-        0.0
-    } else {
-        shadow_maps::visibility(frame.map, frame.camera, frame.pcf_taps, point_world, cosine)
-    };
-    if visible >= 1.0 { [1.0; 3] } else { ratio(frame.light, normal, visible) }
+    if blocked == [0.0; 3] { [1.0; 3] } else { ratio(frame.light, normal, blocked) }
 }

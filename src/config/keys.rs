@@ -1,6 +1,7 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
+use crate::model::quality::SplitKind;
 use toml::Value;
 
 /// What a key may hold.
@@ -253,10 +254,10 @@ pub const KEYS: &[Key] = &[
     key!(
         "light.split",
         "",
-        Range::Choice(&["bounded", "paper"]),
-        "How much of the light is directional. paper: the net flux, as [Now11] has it (a broad sky draws a hard shadow); bounded: no more than every band of the harmonics allows.",
-        |s| word(if s.bounded_split { "bounded" } else { "paper" }),
-        |s, v| s.bounded_split = text(v) == "bounded"
+        Range::Choice(&SplitKind::NAMES),
+        "How much of the light is hard. compact: up to 4 lights with their extent, found in the picture of the environment; paper: one light by net flux, as [Now11] has it (a broad sky draws a hard shadow); bounded: the same, but no more than every band of the harmonics allows; sh: none.",
+        |s| word(s.quality.split.name()),
+        |s, v| s.quality.split = SplitKind::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
         "light.gray",
@@ -308,6 +309,14 @@ pub const KEYS: &[Key] = &[
         "The light is measured on every n-th frame.",
         |s| Value::Integer(i64::from(s.quality.light_every)),
         |s, v| s.quality.light_every = integer(v) as u32
+    ),
+    key!(
+        "quality.shadow_maps",
+        "maps",
+        Range::Integer(1, 64),
+        "Shadow maps that the compact lights share: more make the shadows of wide lights softer. Each costs time; from 5 maps on each has half, from 17 a quarter of shadow_map_texels.",
+        |s| Value::Integer(s.quality.shadow_maps as i64),
+        |s, v| s.quality.shadow_maps = integer(v) as usize
     ),
     key!(
         "quality.shadow_map_texels",

@@ -31,8 +31,6 @@ pub struct Settings {
     pub quad_sigma_px: f64,
     /// `light.threshold`
     pub light_threshold: f64,
-    /// `light.split`: whether every band bounds E_d.
-    pub bounded_split: bool,
     /// `light.gray`
     pub gray: GrayWeights,
     /// `light.filter_tau_s`
@@ -45,7 +43,7 @@ pub struct Settings {
     pub scene_file: String,
     /// `output.pictures`; empty = none.
     pub pictures_folder: String,
-    /// The keys of `quality.*`.
+    /// The keys of `quality.*`, `light.order` and `light.split`.
     pub quality: Quality,
 }
 
@@ -103,7 +101,6 @@ impl Default for Settings {
             decimate: 2,
             quad_sigma_px: 0.8,
             light_threshold: 1e-3,
-            bounded_split: true,
             gray: GrayWeights::Rec601,
             filter_tau_s: 0.2,
             ball_on_surface: true,

@@ -45,7 +45,6 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
     let options = Options {
         quality: settings.quality,
         light_threshold: settings.light_threshold as f32,
-        bounded_split: settings.bounded_split,
         rec709: settings.gray == crate::config::settings::GrayWeights::Rec709,
         filter_tau_s: settings.filter_tau_s,
         ball_on_surface: settings.ball_on_surface,

@@ -20,7 +20,7 @@ use crate::model::{
     scene::Scene,
 };
 use crate::plan::{FramePlan, Pass, PassTiming};
-use crate::visibility::shadow_maps::{self, ShadowCamera, ShadowMap};
+use crate::visibility::shadow_maps::ShadowMaps;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -45,7 +45,7 @@ pub(super) struct Work {
     seen_objects: Projected,
     seen_surfaces: Projected,
     samples: Vec<Sample>,
-    pub(super) shadow_map: ShadowMap,
+    pub(super) shadows: ShadowMaps,
     pub(super) object_layer: Image<[f32; 4]>,
     pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
@@ -116,6 +116,10 @@ impl Engine for CpuEngine {
             let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
             Ok(MeasuredLight { total, flags })
         })
+    }
+
+    fn measured_samples(&self) -> &RadianceSamples {
+        &self.samples
     }
 
     fn relight(
@@ -221,28 +225,26 @@ impl Work {
     ) {
         let light = LightTerms::of(input.light);
         let view = View::of(input.world_from_camera);
-        let mut shadow = None;
+        self.shadows.clear();
         let (mut objects_drawn, mut ratio_drawn) = (false, false);
         out.t = input.t;
         for planned in &plan.passes {
             match planned.pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
                 Pass::ShadowMaps => {
-                    shadow = timed(timings, planned.pass, || self.shadow_maps(&light, &plan.quality));
+                    timed(timings, planned.pass, || self.shadow_maps(&light, &plan.quality));
                 }
                 Pass::ShadeObject => {
                     timed(timings, planned.pass, || {
-                        self.shade_object(input, &view, &light, shadow.as_ref(), &plan.quality);
+                        self.shade_object(input, &view, &light, &plan.quality);
                     });
                     objects_drawn = true;
                 }
                 Pass::ShadeSurface => {
-                    if let Some(camera) = &shadow {
-                        timed(timings, planned.pass, || {
-                            self.shade_surface(input, &view, &light, camera, &plan.quality);
-                        });
-                        ratio_drawn = true;
-                    }
+                    timed(timings, planned.pass, || {
+                        self.shade_surface(input, &view, &light, &plan.quality);
+                    });
+                    ratio_drawn = true;
                 }
                 Pass::Composite => {
                     timed(timings, planned.pass, || {
@@ -254,16 +256,15 @@ impl Work {
         }
     }
 
-    pub(super) fn shadow_camera(&self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
+    /// Fits the shadow maps' cameras; what the maps hold is as it was.
+    pub(super) fn shadow_cameras(&mut self, light: &LightTerms, quality: &Quality) {
         let objects = &self.objects;
-        let casters = objects.triangles.iter().flatten().map(|&i| objects.positions[i as usize]);
-        ShadowCamera::fit(light.to_light_world, casters, quality.shadow_map_texels)
+        self.shadows.fit(light.hard(), &objects.positions, &objects.triangles, quality.shadow_map_texels);
     }
 
-    pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) -> Option<ShadowCamera> {
-        let camera = self.shadow_camera(light, quality)?;
-        self.shadow_map.draw(&camera, &self.objects.positions, &self.objects.triangles);
-        Some(camera)
+    pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) {
+        self.shadow_cameras(light, quality);
+        self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 
     pub(super) fn shade_object(
@@ -271,18 +272,20 @@ impl Work {
         input: &RelightInput<'_>,
         view: &View,
         light: &LightTerms,
-        shadow: Option<&ShadowCamera>,
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        let (objects, map) = (&self.objects, self.shadow_map.depth());
+        let (objects, shadows) = (&self.objects, &self.shadows);
         self.seen_objects.prepare(&self.rays, view, &objects.positions, &objects.triangles);
         let shade = |fragment: &Fragment| {
-            let point = object_point(objects, fragment, light, |p, cosine| {
-                shadow.map_or(1.0, |c| shadow_maps::visibility(map, c, quality.pcf_taps, p, cosine))
-            });
+            let (point, facet) = object_point(objects, fragment);
             let material = objects.material_of_triangle[fragment.triangle];
-            shade_object::shade(light, &objects.materials[material as usize], &point)
+            shade_object::shade(light, &objects.materials[material as usize], &point, |k| {
+                // The bias follows the facet, which may lean further from the light than the interpolated normal.
+                let to_light = Vec3::from(light.hard()[k].to_light_world);
+                let cosine = point.normal.dot(to_light).min(facet.dot(to_light));
+                shadows.visibility(k, quality.pcf_taps, fragment.point_world, cosine)
+            })
         };
         raster::draw_objects(
             &self.rays,
@@ -300,14 +303,13 @@ impl Work {
         input: &RelightInput<'_>,
         view: &View,
         light: &LightTerms,
-        camera: &ShadowCamera,
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        let frame = SurfaceFrame { light, camera, map: self.shadow_map.depth(), pcf_taps: quality.pcf_taps };
+        let frame = SurfaceFrame { light, shadows: &self.shadows, pcf_taps: quality.pcf_taps };
         let surfaces = &self.surfaces;
         let shade = |fragment: &Fragment| {
-            if !surfaces.receives[fragment.triangle] || !camera.covers(fragment.point_world) {
+            if !surfaces.receives[fragment.triangle] {
                 return [1.0; 3];
             }
             let (normal, facet) = surface_normals(surfaces, fragment);
@@ -368,13 +370,9 @@ impl Work {
     }
 }
 
-/// Interpolates what shading needs at a fragment. Backs of open meshes are shaded like fronts.
-fn object_point(
-    objects: &ObjectGeometry,
-    fragment: &Fragment,
-    light: &LightTerms,
-    visibility: impl Fn(Vec3, f32) -> f32,
-) -> ObjectPoint {
+/// Interpolates what shading needs at a fragment, and its facet's normal on the seen side. Backs of open meshes are
+/// shaded like fronts.
+fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoint, Vec3) {
     let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
     let weights = fragment.barycentric;
     let mut normal = Vec3::ZERO;
@@ -389,13 +387,7 @@ fn object_point(
     let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
     let facet = side * facet;
     let normal = side * normal.normalize_or(side * facet);
-    let to_light = Vec3::from(light.to_light_world);
-    let cosine = normal.dot(to_light);
-    // Turned away: fully shadowed, no look-up. The bias follows the facet, which may lean further from the
-    // light than the interpolated normal.
-    let visibility =
-        if cosine > 0.0 { visibility(fragment.point_world, cosine.min(facet.dot(to_light))) } else { 0.0 };
-    ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness, visibility }
+    (ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness }, facet)
 }
 
 /// Shading and facet normal of a real surface at a fragment, on the seen side.

@@ -8,7 +8,7 @@ use crate::model::{
     estimate::LightFlags,
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
-    light::{DirectionalLight, EnvironmentMap, RadianceSh, SplitLight},
+    light::{EnvironmentMap, Lights, RadianceSamples, RadianceSh},
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -82,7 +82,7 @@ pub struct RelightInput<'a> {
     /// Its pose.
     pub world_from_camera: &'a Pose,
     /// The light.
-    pub light: &'a SplitLight,
+    pub light: &'a Lights,
     /// Response for the way back to 8 bits.
     pub response: &'a Response,
     /// Exposure of the shown picture (radiance times `effective_s` goes through the response).
@@ -107,6 +107,8 @@ pub trait Engine: Send {
     /// Reads the light (twins: `light::unwrap_ball`, `light::project_sh`).
     fn estimate_light(&mut self, job: &LightJob<'_>, quality: &Quality)
     -> Result<MeasuredLight, EngineError>;
+    /// The weighted directions behind the newest estimate, world frame; empty before the first.
+    fn measured_samples(&self) -> &RadianceSamples;
     /// Draws one frame: allocates and dispatches exactly the plan's passes.
     fn relight(
         &mut self,
@@ -116,9 +118,4 @@ pub trait Engine: Send {
     ) -> Result<(), EngineError>;
     /// Time of each pass since the last call of `take_timings`, in order.
     fn take_timings(&mut self, out: &mut Vec<PassTiming>);
-}
-
-/// Convenience for engines: the directional light, if it shines above the horizon of nothing in particular.
-pub fn directional(light: &SplitLight) -> Option<&DirectionalLight> {
-    light.direct.as_ref().filter(|d| d.irradiance_rgb.iter().any(|&e| e > 0.0))
 }

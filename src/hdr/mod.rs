@@ -2,6 +2,7 @@
 
 pub mod attribute;
 pub mod black_level;
+pub mod linear_light;
 pub mod merge_bracket;
 mod reflected_point;
 pub mod register;

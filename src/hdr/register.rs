@@ -1,6 +1,7 @@
 //! An older frame as the newest camera would have seen it.
 
 use super::{
+    linear_light::LinearLight,
     merge_bracket::weight,
     reflected_point::{Mirrored, point_reflecting},
 };
@@ -29,7 +30,7 @@ const UNSEEN: [i32; 2] = [i32::MIN; 2];
 /// A camera that moves no pixel farther than this has not moved.
 const STILL_PX: f64 = 0.1;
 /// An 8-bit value from which a tap counts as saturated (noise and compression blur the end of the scale).
-const SATURATED: u64 = 253;
+pub const SATURATED: u8 = 253;
 
 /// What stands in for pixels that the older frame did not see: a value of no weight where the newest frame knows the
 /// radiance; where the newest frame is black or saturated, what the older exposure would have made of that bound.
@@ -227,11 +228,17 @@ impl Warp {
     }
 
     /// Draws `older`, the older camera's picture, as the newest camera would have seen it. `newest` is the newest
-    /// picture; both have the lens's size. Bilinear; a channel of which one of the four taps is saturated comes
-    /// out as 255, so that highlights are not averaged down. Pixels that the older camera did not see, or that the
+    /// picture; both have the lens's size. Bilinear, on the ball in linear light; a channel of which one of the four
+    /// taps is saturated comes out as 255, so that highlights are not averaged down. Pixels that the older camera did not see, or that the
     /// ball hid from it, get the `fill`.
     /// *The result does not depend on the number of threads.* No allocation once `out` has its size.
-    pub fn apply(&self, older: &Rgb8Image, newest: &Rgb8Image, fill: &Fill, out: &mut Rgb8Image) {
+    pub fn apply(
+        &self,
+        older: &Rgb8Image,
+        newest: &Rgb8Image,
+        (fill, light): (&Fill, &LinearLight),
+        out: &mut Rgb8Image,
+    ) {
         let (width, height) = (self.lens.width as usize, self.lens.height as usize);
         let sized = |p: &Rgb8Image| (p.width(), p.height()) == (width, height);
         if !(sized(older) && sized(newest)) || width == 0 {
@@ -244,7 +251,7 @@ impl Warp {
                 let y = band * CELL + j;
                 self.surface_row(y, older, newest.row(y), fill, row);
             }
-            self.ball_rows(band * CELL, older, newest, fill, rows);
+            self.ball_rows(band * CELL, older, newest, (fill, light), rows);
         });
     }
 
@@ -284,7 +291,7 @@ impl Warp {
                 let seen = if maybe_hidden && self.within(at, self.older.ball_cosine) {
                     None
                 } else {
-                    sample(older, at)
+                    sample(older, at, None)
                 };
                 *out = seen.unwrap_or_else(|| fill.pixel(*newest));
             }
@@ -304,7 +311,7 @@ impl Warp {
         top: usize,
         older: &Rgb8Image,
         newest: &Rgb8Image,
-        fill: &Fill,
+        (fill, light): (&Fill, &LinearLight),
         rows: &mut [[u8; 3]],
     ) {
         let [from, to] = self.newest.ball_box;
@@ -348,7 +355,7 @@ impl Warp {
                             },
                         };
                         rows[(y - top) * width + x] = seen
-                            .and_then(|at| sample(older, at))
+                            .and_then(|at| sample(older, at, Some(light)))
                             .unwrap_or_else(|| fill.pixel(*newest.at(x, y)));
                     }
                 }
@@ -420,8 +427,8 @@ fn fixed(pixel: DVec2) -> [i32; 2] {
     if pixel.is_nan() { UNSEEN } else { [one(pixel.x), one(pixel.y)] }
 }
 
-/// The bilinear value at a continuous pixel position; `None` outside the picture.
-fn sample(picture: &Rgb8Image, at: [i32; 2]) -> Option<[u8; 3]> {
+/// The bilinear value at a continuous pixel position, in linear light where that is given; `None` outside the picture.
+fn sample(picture: &Rgb8Image, at: [i32; 2], light: Option<&LinearLight>) -> Option<[u8; 3]> {
     let (width, height) = (picture.width() as i32, picture.height() as i32);
     if at[0] < 0 || at[1] < 0 || at[0] >= width * ONE || at[1] >= height * ONE {
         return None;
@@ -432,7 +439,19 @@ fn sample(picture: &Rgb8Image, at: [i32; 2]) -> Option<[u8; 3]> {
     let columns = [i.max(0) as usize, (i + 1).min(width - 1) as usize];
     let rows = [picture.row(j.max(0) as usize), picture.row((j + 1).min(height - 1) as usize)];
     let taps = [rows[0][columns[0]], rows[0][columns[1]], rows[1][columns[0]], rows[1][columns[1]]];
-    Some(blend(taps.map(|[r, g, b]| u64::from(r) | u64::from(g) << LANE | u64::from(b) << (2 * LANE)), x, y))
+    let lanes = taps.map(|[r, g, b]| u64::from(r) | u64::from(g) << LANE | u64::from(b) << (2 * LANE));
+    let mut pixel = blend(lanes, x, y);
+    if let Some(light) = light {
+        light.mend(taps, bilinear_weights(x, y), &mut pixel);
+    }
+    Some(pixel)
+}
+
+/// Weights of the four taps (left and right above, left and right below) in steps of 1/64 pixel; they sum to 4096.
+fn bilinear_weights(x: i32, y: i32) -> [u64; 4] {
+    let part = |v: i32| ((v & (ONE - 1)) >> (FRACTION - 6)) as u64;
+    let (s, t) = (part(x), part(y));
+    [(64 - s) * (64 - t), s * (64 - t), (64 - s) * t, s * t]
 }
 
 /// As [`sample`] where all four taps lie within the picture, not in its last row: `bytes` are its pixels.
@@ -451,16 +470,13 @@ const LANE: u32 = 20;
 /// A one in each channel.
 const LANES: u64 = 1 | 1 << LANE | 1 << (2 * LANE);
 
-/// Blends four taps (left and right above, left and right below) in steps of 1/64 pixel; a channel in which one is
-/// saturated becomes 255.
+/// Blends four taps with [`bilinear_weights`]; a channel in which one is saturated becomes 255.
 fn blend(taps: [u64; 4], x: i32, y: i32) -> [u8; 3] {
-    let part = |v: i32| ((v & (ONE - 1)) >> (FRACTION - 6)) as u64;
-    let (s, t) = (part(x), part(y));
-    let weights = [(64 - s) * (64 - t), s * (64 - t), (64 - s) * t, s * t];
-    let sum: u64 = taps.iter().zip(weights).map(|(tap, weight)| tap * weight).sum::<u64>() + (LANES << 11);
+    let sum: u64 = taps.iter().zip(bilinear_weights(x, y)).map(|(tap, weight)| tap * weight).sum::<u64>()
+        + (LANES << 11);
     let mut pixel = [sum >> 12, sum >> (12 + LANE), sum >> (12 + 2 * LANE)].map(|v| v as u8);
     // A channel at or above the limit carries into its ninth bit.
-    let carry = LANES * (256 - SATURATED);
+    let carry = LANES * (256 - SATURATED as u64);
     let saturated = taps.iter().fold(0, |any, tap| any | (tap + carry)) & (LANES << 8);
     if saturated != 0 {
         for (channel, z) in pixel.iter_mut().enumerate() {

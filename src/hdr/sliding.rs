@@ -1,8 +1,9 @@
 //! A new HDR picture with each frame, not with each bracket.
 
 use super::{
+    linear_light::LinearLight,
     merge_bracket::{MAX_PICTURES, MergeError, merge_bracket},
-    register::{Fill, Warp},
+    register::{Fill, SATURATED, Warp},
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
@@ -49,9 +50,9 @@ struct Slot {
     world_from_camera: Option<Pose>,
     /// Number of the push that brought it.
     pushed: u64,
-    /// The picture as the newest camera would have seen it, where `is_warped`.
-    warped: Rgb8Image,
-    is_warped: bool,
+    /// The picture as the newest camera would have seen it, with a clean end of the scale, where `is_redrawn`.
+    redrawn: Rgb8Image,
+    is_redrawn: bool,
 }
 
 /// The last frames of different exposures, seen from the newest frame's pose.
@@ -109,7 +110,7 @@ impl SlidingMerge {
 
     /// Forgets all frames.
     pub fn clear(&mut self) {
-        self.spare.extend(self.slots.drain(..).map(|slot| slot.warped));
+        self.spare.extend(self.slots.drain(..).map(|slot| slot.redrawn));
     }
 
     /// Takes the newest frame; its pixels are shared, not copied. Without a pose it is never warped.
@@ -134,14 +135,14 @@ impl SlidingMerge {
                 kept += 1;
             }
         }
-        self.spare.extend(self.slots.drain(kept..).map(|slot| slot.warped));
+        self.spare.extend(self.slots.drain(kept..).map(|slot| slot.redrawn));
         let slot = Slot {
             pixels: Arc::clone(&frame.pixels),
             exposure: frame.exposure,
             world_from_camera,
             pushed: self.pushes,
-            warped: self.spare.pop().unwrap_or_default(),
-            is_warped: false,
+            redrawn: self.spare.pop().unwrap_or_default(),
+            is_redrawn: false,
         };
         self.slots.insert(0, slot);
         Ok(())
@@ -149,18 +150,21 @@ impl SlidingMerge {
 
     /// The ring as the newest camera would have seen it; `response` tells what to put where an older frame saw
     /// nothing. Empty before the first frame. A frame without a pose, or from where the newest one stands, is
-    /// given as it is.
+    /// given as it is, but for values at the end of the scale, which become 255 where a shorter exposure is at hand.
     pub fn registered(&mut self, response: &Response) -> Registered<'_> {
         if let Some((newest, older)) = self.slots.split_first_mut() {
+            newest.is_redrawn = false;
+            let light = LinearLight::new(response);
             for slot in older {
                 let poses = newest.world_from_camera.zip(slot.world_from_camera);
-                slot.is_warped = poses.is_some_and(|(newest, older)| self.warp.aim(&newest, &older));
-                if slot.is_warped {
+                slot.is_redrawn = poses.is_some_and(|(newest, older)| self.warp.aim(&newest, &older));
+                if slot.is_redrawn {
                     let fill = Fill::new(response, newest.exposure, slot.exposure);
-                    self.warp.apply(&slot.pixels, &newest.pixels, &fill, &mut slot.warped);
+                    self.warp.apply(&slot.pixels, &newest.pixels, (&fill, &light), &mut slot.redrawn);
                 }
             }
         }
+        self.clear_saturated_ends();
         let count = self.slots.len();
         let Some(first) = self.slots.first() else {
             return Registered {
@@ -175,10 +179,29 @@ impl SlidingMerge {
             count,
         };
         for (k, slot) in self.slots.iter().enumerate() {
-            registered.pictures[k] = if slot.is_warped { &slot.warped } else { &*slot.pixels };
+            registered.pictures[k] = if slot.is_redrawn { &slot.redrawn } else { &*slot.pixels };
             registered.exposures[k] = slot.exposure;
         }
         registered
+    }
+
+    /// In pictures that were not warped, and of which the ring holds a shorter exposure, sets the values at the end of
+    /// the scale to 255 (warping does so by itself): noise and compression let a saturated pixel come out as 253 or
+    /// 254, and with its small weight it would still pull a lamp's radiance down, which may be many times larger.
+    fn clear_saturated_ends(&mut self) {
+        let shortest = self.slots.iter().map(|s| s.exposure.effective_s()).fold(f64::INFINITY, f64::min);
+        for slot in self.slots.iter_mut().filter(|slot| !slot.is_redrawn) {
+            if slot.exposure.effective_s() <= shortest {
+                continue;
+            }
+            let (width, height) = (slot.pixels.width(), slot.pixels.height());
+            slot.redrawn.reshape(width, height, [0; 3]);
+            let values = slot.pixels.pixels().as_flattened();
+            for (out, z) in slot.redrawn.pixels_mut().as_flattened_mut().iter_mut().zip(values) {
+                *out = if *z >= SATURATED { 255 } else { *z };
+            }
+            slot.is_redrawn = true;
+        }
     }
 
     /// Registers and merges ([`merge_bracket`]) what the ring holds.
@@ -248,6 +271,17 @@ mod tests {
         ring.push(&frame(0, 0.1, 1), None).unwrap();
         ring.push(&frame(1, 0.1001, 2), None).unwrap();
         assert_eq!(held(&mut ring), [(0.1001, 2)]);
+    }
+
+    #[test]
+    fn the_end_of_the_scale_is_cleaned_where_a_shorter_exposure_is_at_hand() {
+        let mut ring = ring(3);
+        ring.push(&frame(0, 0.4, 253), None).unwrap();
+        assert_eq!(held(&mut ring), [(0.4, 253)]);
+        ring.push(&frame(1, 0.1, 254), None).unwrap();
+        assert_eq!(held(&mut ring), [(0.1, 254), (0.4, 255)]);
+        ring.push(&frame(2, 0.4, 252), None).unwrap();
+        assert_eq!(held(&mut ring), [(0.4, 252), (0.1, 254)]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Light over time: a low pass on the coefficients, and how sure the direction is.
 
+use super::halve::{HalveOptions, Halver};
 use super::split::{SplitOptions, first_moment, split};
 use crate::math::sh::MAX_COEFFICIENTS;
 use crate::model::{
     estimate::{LightEstimate, LightFlags, Provenance},
-    light::RadianceSh,
+    light::{RadianceSamples, RadianceSh},
     time::Timestamp,
 };
 use glam::{DMat3, DVec3};
@@ -23,7 +24,8 @@ const MISS: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Follow {
     filter_tau_s: f64,
-    split: SplitOptions,
+    halve: HalveOptions,
+    halver: Halver,
     filtered: [[f64; 3]; MAX_COEFFICIENTS],
     weights: Weights,
     noise: Noise,
@@ -91,11 +93,12 @@ impl Noise {
 
 impl Follow {
     /// A filter with time constant `filter_tau_s` in seconds: 0, negative or NaN means none, every update counts
-    /// alone. `split` says how the filtered light is halved.
-    pub fn new(filter_tau_s: f64, split: SplitOptions) -> Self {
+    /// alone. `halve` says how the filtered light is halved.
+    pub fn new(filter_tau_s: f64, halve: HalveOptions) -> Self {
         Self {
             filter_tau_s: if filter_tau_s > 0.0 { filter_tau_s } else { 0.0 },
-            split,
+            halve,
+            halver: Halver::new(halve),
             filtered: [[0.0; 3]; MAX_COEFFICIENTS],
             weights: Weights::default(),
             noise: Noise::default(),
@@ -105,13 +108,20 @@ impl Follow {
 
     /// Forgets everything.
     pub fn reset(&mut self) {
-        *self = Self::new(self.filter_tau_s, self.split);
+        *self = Self::new(self.filter_tau_s, self.halve);
     }
 
-    /// Takes in light measured at time `t` (world frame) with what it had to do without. `true` where it entered:
+    /// Takes in light measured at time `t` (world frame) with what it had to do without, and the weighted directions
+    /// that it was summed from (the picture in which compact lights are found; may be empty). `true` where it entered:
     /// light that is not finite, and a time that is not later than the last, are refused and change nothing. A gap of
     /// more than [`LONGEST_GAP_S`], or another order, begins anew.
-    pub fn update(&mut self, t: Timestamp, total: &RadianceSh, flags: &LightFlags) -> bool {
+    pub fn update(
+        &mut self,
+        t: Timestamp,
+        total: &RadianceSh,
+        flags: &LightFlags,
+        samples: &RadianceSamples,
+    ) -> bool {
         let order = total.order;
         let sound = order * order <= MAX_COEFFICIENTS && total.rows().iter().flatten().all(|c| c.is_finite());
         let dt_s = self.last.map_or(0.0, |last| t.seconds_since(last.t));
@@ -130,7 +140,8 @@ impl Follow {
                 *rounded = *state as f32;
             }
         }
-        let halves = split(&filtered, &self.split);
+        self.halver.see(samples, alpha, dt_s);
+        let halves = split(&filtered, &SplitOptions { bounded: false, ..self.halve.net_flux });
         self.noise.enter(
             self.gray_moment(&total.rgb.map(|row| row.map(f64::from))),
             dt_s,
@@ -145,6 +156,7 @@ impl Follow {
             t,
             total: filtered,
             split: halves,
+            lights: self.halver.halve(&filtered),
             provenance: Provenance::Measured,
             cone95_rad,
             flags: *flags,
@@ -167,7 +179,7 @@ impl Follow {
 
     fn gray_moment(&self, rgb: &[[f64; 3]; MAX_COEFFICIENTS]) -> DVec3 {
         let gray = |row: usize| -> f64 {
-            rgb[row].iter().zip(self.split.gray_weights).map(|(c, w)| c * f64::from(w)).sum()
+            rgb[row].iter().zip(self.halve.net_flux.gray_weights).map(|(c, w)| c * f64::from(w)).sum()
         };
         DVec3::from(first_moment(gray(1), gray(2), gray(3)))
     }
@@ -177,6 +189,16 @@ impl Follow {
 mod tests {
     use super::*;
     use crate::math::sh::basis::evaluate;
+
+    fn halving() -> HalveOptions {
+        let net_flux = SplitOptions::default();
+        HalveOptions {
+            kind: crate::model::quality::SplitKind::Paper,
+            shadow_maps: 1,
+            net_flux,
+            above_horizon: false,
+        }
+    }
 
     fn sun(order: usize, direction: DVec3, irradiance: f64) -> RadianceSh {
         let mut y = [0.0; MAX_COEFFICIENTS];
@@ -211,10 +233,10 @@ mod tests {
 
     #[test]
     fn nothing_then_measured_then_held() {
-        let mut follow = Follow::new(0.3, SplitOptions::default());
+        let mut follow = Follow::new(0.3, halving());
         assert!(follow.estimate(at(0)).is_none());
         let flags = LightFlags { texels: 7, ..LightFlags::default() };
-        assert!(follow.update(at(5), &sun(4, DVec3::X, 2.0), &flags));
+        assert!(follow.update(at(5), &sun(4, DVec3::X, 2.0), &flags, &RadianceSamples::default()));
         let now = follow.estimate(at(5)).unwrap();
         assert_eq!(
             (now.provenance, now.flags, now.total),
@@ -229,21 +251,31 @@ mod tests {
 
     #[test]
     fn a_step_follows_the_exponential_after_the_mean_of_the_start() {
-        let mut follow = Follow::new(0.2, SplitOptions::default());
+        let mut follow = Follow::new(0.2, halving());
         let flags = LightFlags::default();
         // The first are averaged: 1, 3, 5 -> 3.
         for (k, irradiance) in [1.0, 3.0, 5.0].into_iter().enumerate() {
-            assert!(follow.update(at(10 * k as i64), &sun(2, DVec3::Z, irradiance), &flags));
+            assert!(follow.update(
+                at(10 * k as i64),
+                &sun(2, DVec3::Z, irradiance),
+                &flags,
+                &RadianceSamples::default()
+            ));
         }
         assert!((level(&follow, at(20)) - 3.0).abs() < 1e-6);
         for k in 3..3000 {
-            follow.update(at(10 * k), &sun(2, DVec3::Z, 1.0), &flags);
+            follow.update(at(10 * k), &sun(2, DVec3::Z, 1.0), &flags, &RadianceSamples::default());
         }
         let start = at(10 * 2999);
         assert!((level(&follow, start) - 1.0).abs() < 1e-6);
         // From 1 to 2: after 0.2 s, 1 - exp(-1) of the way, whatever the steps.
         for ms in [50, 60, 130, 200] {
-            follow.update(start.plus_seconds(f64::from(ms) * 1e-3), &sun(2, DVec3::Z, 2.0), &flags);
+            follow.update(
+                start.plus_seconds(f64::from(ms) * 1e-3),
+                &sun(2, DVec3::Z, 2.0),
+                &flags,
+                &RadianceSamples::default(),
+            );
         }
         let want = 2.0 - (-1.0f32).exp();
         assert!((level(&follow, start) - want).abs() < 1e-6, "{} {want}", level(&follow, start));
@@ -252,9 +284,14 @@ mod tests {
     #[test]
     fn without_a_filter_the_last_update_stands_alone() {
         for tau in [0.0, -1.0, f64::NAN] {
-            let mut follow = Follow::new(tau, SplitOptions::default());
+            let mut follow = Follow::new(tau, halving());
             for k in 0..9 {
-                follow.update(at(k), &sun(3, DVec3::Z, k as f64), &LightFlags::default());
+                follow.update(
+                    at(k),
+                    &sun(3, DVec3::Z, k as f64),
+                    &LightFlags::default(),
+                    &RadianceSamples::default(),
+                );
             }
             assert_eq!(follow.estimate(at(8)).unwrap().total, sun(3, DVec3::Z, 8.0));
         }
@@ -262,50 +299,69 @@ mod tests {
 
     #[test]
     fn bad_times_and_bad_light_change_nothing() {
-        let mut follow = Follow::new(0.5, SplitOptions::default());
+        let mut follow = Follow::new(0.5, halving());
         let flags = LightFlags::default();
-        follow.update(at(100), &sun(2, DVec3::Z, 1.0), &flags);
+        follow.update(at(100), &sun(2, DVec3::Z, 1.0), &flags, &RadianceSamples::default());
         let before = follow.estimate(at(100));
-        assert!(!follow.update(at(100), &sun(2, DVec3::Z, 9.0), &flags), "equal time");
-        assert!(!follow.update(at(99), &sun(2, DVec3::Z, 9.0), &flags), "backwards");
-        assert!(!follow.update(Timestamp(i64::MIN), &sun(2, DVec3::Z, 9.0), &flags), "far backwards");
+        assert!(
+            !follow.update(at(100), &sun(2, DVec3::Z, 9.0), &flags, &RadianceSamples::default()),
+            "equal time"
+        );
+        assert!(
+            !follow.update(at(99), &sun(2, DVec3::Z, 9.0), &flags, &RadianceSamples::default()),
+            "backwards"
+        );
+        assert!(
+            !follow.update(Timestamp(i64::MIN), &sun(2, DVec3::Z, 9.0), &flags, &RadianceSamples::default()),
+            "far backwards"
+        );
         for bad in [f32::NAN, f32::INFINITY] {
             let mut light = sun(2, DVec3::Z, 9.0);
             light.rgb[3][2] = bad;
-            assert!(!follow.update(at(200), &light, &flags));
+            assert!(!follow.update(at(200), &light, &flags, &RadianceSamples::default()));
         }
         let mut empty = sun(2, DVec3::Z, 9.0);
         empty.order = 7;
-        assert!(!follow.update(at(200), &empty, &flags));
+        assert!(!follow.update(at(200), &empty, &flags, &RadianceSamples::default()));
         assert_eq!(follow.estimate(at(100)), before);
-        assert!(follow.update(at(200), &sun(2, DVec3::Z, 1.0), &flags));
+        assert!(follow.update(at(200), &sun(2, DVec3::Z, 1.0), &flags, &RadianceSamples::default()));
     }
 
     #[test]
     fn a_gap_and_another_order_begin_anew() {
-        let mut follow = Follow::new(5.0, SplitOptions::default());
+        let mut follow = Follow::new(5.0, halving());
         let flags = LightFlags::default();
         for k in 0..50 {
-            follow.update(at(20 * k), &sun(2, DVec3::Z, 1.0), &flags);
+            follow.update(at(20 * k), &sun(2, DVec3::Z, 1.0), &flags, &RadianceSamples::default());
         }
-        follow.update(at(10_980), &sun(2, DVec3::Z, 3.0), &flags);
+        follow.update(at(10_980), &sun(2, DVec3::Z, 3.0), &flags, &RadianceSamples::default());
         assert!((level(&follow, at(10_980)) - 3.0).abs() < 1e-6, "10 s gap");
-        follow.update(at(11_980), &sun(2, DVec3::Z, 5.0), &flags);
+        follow.update(at(11_980), &sun(2, DVec3::Z, 5.0), &flags, &RadianceSamples::default());
         assert!((level(&follow, at(11_980)) - 4.0).abs() < 1e-6, "1 s is no gap yet");
-        follow.update(at(12_000), &sun(5, DVec3::Z, 8.0), &flags);
+        follow.update(at(12_000), &sun(5, DVec3::Z, 8.0), &flags, &RadianceSamples::default());
         assert_eq!(follow.estimate(at(12_000)).unwrap().total, sun(5, DVec3::Z, 8.0));
     }
 
     #[test]
     fn still_light_has_a_closed_cone_and_dark_light_an_open_one() {
-        let mut follow = Follow::new(0.1, SplitOptions::default());
+        let mut follow = Follow::new(0.1, halving());
         for k in 0..20 {
-            follow.update(at(33 * k), &sun(4, DVec3::new(1.0, 2.0, 3.0), 2.0), &LightFlags::default());
+            follow.update(
+                at(33 * k),
+                &sun(4, DVec3::new(1.0, 2.0, 3.0), 2.0),
+                &LightFlags::default(),
+                &RadianceSamples::default(),
+            );
         }
         assert!(follow.estimate(at(0)).unwrap().cone95_rad < 1e-6);
-        let mut dark = Follow::new(0.1, SplitOptions::default());
+        let mut dark = Follow::new(0.1, halving());
         for k in 0..20 {
-            dark.update(at(33 * k), &RadianceSh::zero(4), &LightFlags::default());
+            dark.update(
+                at(33 * k),
+                &RadianceSh::zero(4),
+                &LightFlags::default(),
+                &RadianceSamples::default(),
+            );
         }
         let estimate = dark.estimate(at(0)).unwrap();
         assert!(estimate.split.direct.is_none() && estimate.cone95_rad == std::f32::consts::PI);
@@ -319,14 +375,14 @@ mod tests {
             let (mut inside, trials) = (0, 1500);
             for seed in 0..trials {
                 let mut normal = Normal(seed * 77 + 5);
-                let mut follow = Follow::new(tau, SplitOptions::default());
+                let mut follow = Follow::new(tau, halving());
                 for k in 0..updates {
                     let mut light = sun(2, truth, 2.0);
                     for row in 1..4 {
                         let noise = 0.03 * normal.next() as f32;
                         light.rgb[row] = light.rgb[row].map(|c| c + noise);
                     }
-                    follow.update(at(33 * k), &light, &LightFlags::default());
+                    follow.update(at(33 * k), &light, &LightFlags::default(), &RadianceSamples::default());
                 }
                 let estimate = follow.estimate(at(0)).unwrap();
                 let direction = DVec3::from(estimate.split.direct.unwrap().to_light_world.map(f64::from));

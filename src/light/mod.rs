@@ -1,9 +1,11 @@
 //! From a linear picture to light: unwrap, project, split, follow.
 
 pub mod clipped;
+pub mod compact;
 pub mod cone;
 pub mod fill;
 pub mod follow;
+pub mod halve;
 pub mod maps;
 pub mod place_ball;
 pub mod project_sh;

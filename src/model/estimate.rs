@@ -1,7 +1,7 @@
 //! Estimates: every one says when, and how good.
 
 use super::{
-    light::{RadianceSh, SplitLight},
+    light::{Lights, RadianceSh, SplitLight},
     time::Timestamp,
 };
 use crate::math::pose::Pose;
@@ -60,8 +60,10 @@ pub struct LightEstimate {
     pub t: Timestamp,
     /// All of the light, world frame, after the temporal filter.
     pub total: RadianceSh,
-    /// The same, split.
+    /// The same in two halves by net flux (Section 5 of [Now11] as corrected): the dominant direction and E_d.
     pub split: SplitLight,
+    /// The same as objects and surfaces are lit with, split as the settings say.
+    pub lights: Lights,
     /// Measured or held.
     pub provenance: Provenance,
     /// Half angle of the cone that holds the true direction with probability 0.95, radians; pi where there is none.

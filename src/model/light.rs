@@ -44,6 +44,101 @@ pub struct SplitLight {
     pub global: RadianceSh,
 }
 
+/// Compact lights at most.
+pub const MAX_LIGHTS: usize = 4;
+/// Hard lights, each with a shadow map of its own, at most.
+pub const MAX_HARD_LIGHTS: usize = 64;
+
+/// One hard light of the direct term: a representative of a compact light, or a whole directional light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HardLight {
+    /// Unit vector towards the light, world frame.
+    pub to_light_world: [f32; 3],
+    /// Irradiance on a plane that faces it; not negative.
+    pub irradiance_rgb: [f32; 3],
+}
+
+/// At most [`MAX_HARD_LIGHTS`] of them, brightest compact light first.
+#[derive(Clone, Copy, PartialEq)]
+pub struct HardLights {
+    count: usize,
+    lights: [HardLight; MAX_HARD_LIGHTS],
+}
+
+impl HardLights {
+    /// None.
+    pub const fn none() -> Self {
+        let dark = HardLight { to_light_world: [0.0; 3], irradiance_rgb: [0.0; 3] };
+        Self { count: 0, lights: [dark; MAX_HARD_LIGHTS] }
+    }
+
+    /// Appends one; beyond the capacity it is refused: `false`.
+    pub fn push(&mut self, light: HardLight) -> bool {
+        let Some(slot) = self.lights.get_mut(self.count) else { return false };
+        *slot = light;
+        self.count += 1;
+        true
+    }
+
+    /// Those in use.
+    pub fn as_slice(&self) -> &[HardLight] {
+        &self.lights[..self.count]
+    }
+}
+
+impl std::fmt::Debug for HardLights {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.as_slice().fmt(f)
+    }
+}
+
+/// A light with an extent, found in the picture of the environment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompactLight {
+    /// Stays with the light from frame to frame.
+    pub id: u32,
+    /// Unit vector to its centroid by flux, world frame.
+    pub to_light_world: [f32; 3],
+    /// Integral of its radiance over its solid angle.
+    pub flux_rgb: [f32; 3],
+    /// Root mean square angle to its centroid, by flux, radians.
+    pub extent_rad: f32,
+    /// How much of it is taken out of the soft half, 0 to 1: lights come and go gradually.
+    pub fade: f32,
+}
+
+/// Light as it is shaded with: hard lights with shadow maps, and the rest in SH. Together they are all of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lights {
+    /// What the hard lights stand for; empty slots are `None`. A light without extent that came from SH alone is not
+    /// listed.
+    pub compact: [Option<CompactLight>; MAX_LIGHTS],
+    /// The hard half.
+    pub hard: HardLights,
+    /// The soft half. Coefficients may stand for a function that is negative in places; clamp the final shade.
+    pub global: RadianceSh,
+}
+
+impl Lights {
+    /// Soft light alone.
+    pub const fn soft(global: RadianceSh) -> Self {
+        Self { compact: [None; MAX_LIGHTS], hard: HardLights::none(), global }
+    }
+}
+
+impl From<SplitLight> for Lights {
+    /// One hard light at most: none where it has no power.
+    fn from(split: SplitLight) -> Self {
+        let mut lights = Self::soft(split.global);
+        if let Some(DirectionalLight { to_light_world, irradiance_rgb, .. }) = split.direct
+            && irradiance_rgb.iter().any(|&e| e > 0.0)
+        {
+            lights.hard.push(HardLight { to_light_world, irradiance_rgb });
+        }
+        lights
+    }
+}
+
 /// How an environment picture covers the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapLayout {

@@ -1,5 +1,6 @@
 //! Layer 1: plain data. No behaviour beyond keeping its own invariants, no serialisation.
 
+pub mod animation;
 pub mod blocker;
 pub mod estimate;
 pub mod frame;

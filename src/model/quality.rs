@@ -1,8 +1,46 @@
 //! All settings that trade accuracy for time, in one value that travels with the frame.
 
+/// What becomes of the light: how much of it is hard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SplitKind {
+    /// Up to four compact lights with their extent, found in the picture of the environment; the rest in SH.
+    #[default]
+    Compact,
+    /// One directional light by net flux, Section 5 of [Now11] as corrected.
+    Paper,
+    /// The paper's, but no more than every band of the harmonics allows: where only SH is known of the light.
+    Bounded,
+    /// None: all light in SH.
+    Sh,
+}
+
+impl SplitKind {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 4] = ["compact", "paper", "bounded", "sh"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Compact => "compact",
+            Self::Paper => "paper",
+            Self::Bounded => "bounded",
+            Self::Sh => "sh",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Compact, Self::Paper, Self::Bounded, Self::Sh].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
+    /// What becomes of the light.
+    pub split: SplitKind,
+    /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
+    pub shadow_maps: usize,
     /// SH order of the light, 2 to 6.
     pub sh_order: usize,
     /// Shadow map texels a side, 64 to 4096.
@@ -20,6 +58,8 @@ pub struct Quality {
 impl Default for Quality {
     fn default() -> Self {
         Self {
+            split: SplitKind::Compact,
+            shadow_maps: 8,
             sh_order: 4,
             shadow_map_texels: 1024,
             pcf_taps: 4,

@@ -1,5 +1,6 @@
 //! What is in the place: real surfaces and virtual objects, in the world frame.
 
+use super::animation::Figure;
 use glam::{Affine3A, Vec3};
 
 /// How a surface reflects. Albedo and reflectance are linear RGB within [0, 1].
@@ -72,4 +73,6 @@ pub struct Scene {
     pub objects: Vec<VirtualObject>,
     /// In order of the file.
     pub surfaces: Vec<RealSurface>,
+    /// Bodies: which objects move together, how, and the spheres that stand for them. Objects without one stay.
+    pub figures: Vec<Figure>,
 }

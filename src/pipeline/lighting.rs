@@ -5,6 +5,7 @@ use crate::device::Clock;
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::sliding::SlidingMerge;
 use crate::light::follow::Follow;
+use crate::light::halve::HalveOptions;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
 use crate::model::{
     estimate::{LightEstimate, PoseEstimate, Provenance},
@@ -33,15 +34,19 @@ pub struct Lighting {
 impl Lighting {
     /// Empty: no frame, no light.
     pub fn new(rig: &Rig, options: &Options) -> Self {
-        let split = SplitOptions {
-            least_anisotropy: options.light_threshold,
-            gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
-            fade_in: true,
-            bounded: options.bounded_split,
+        let halve = HalveOptions {
+            kind: options.quality.split,
+            shadow_maps: options.quality.shadow_maps,
+            net_flux: SplitOptions {
+                least_anisotropy: options.light_threshold,
+                gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
+                ..SplitOptions::default()
+            },
+            above_horizon: options.ball_on_surface,
         };
         Self {
             sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),
-            follow: Follow::new(options.filter_tau_s, split),
+            follow: Follow::new(options.filter_tau_s, halve),
             picture: HdrImage::default(),
             quality: options.quality,
             on_surface: options.ball_on_surface,
@@ -99,7 +104,7 @@ impl Lighting {
             };
             match engine.estimate_light(&job, &self.quality) {
                 Ok(light) => {
-                    self.follow.update(t, &light.total, &light.flags);
+                    self.follow.update(t, &light.total, &light.flags, engine.measured_samples());
                 }
                 Err(error) => {
                     // The world misbehaved (the ball is out of the picture, say): hold, and say so now and then.

@@ -52,8 +52,6 @@ pub struct Options {
     pub quality: Quality,
     /// Anisotropy below which no direction dominates.
     pub light_threshold: f32,
-    /// Whether every band bounds the directional light.
-    pub bounded_split: bool,
     /// Gray by Rec. 709 weights in place of 0.3, 0.59, 0.11.
     pub rec709: bool,
     /// Time constant of the light's filter, seconds; 0 = none.
@@ -143,7 +141,7 @@ impl Pipeline {
                 self.lighting.picture(),
                 lens,
                 &pose.world_from_camera,
-                &light.split,
+                &light.lights,
                 &self.response,
                 frame.t_mid,
             ),

@@ -6,7 +6,7 @@ use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     frame::{Exposure, RawFrame},
     image::HdrImage,
-    light::{RadianceSh, SplitLight},
+    light::{Lights, RadianceSh},
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -54,7 +54,7 @@ impl Presenting {
         background: &HdrImage,
         lens: &Lens,
         world_from_camera: &Pose,
-        light: &SplitLight,
+        light: &Lights,
         response: &Response,
         t: Timestamp,
     ) -> Result<(), &'static str> {
@@ -84,7 +84,7 @@ impl Presenting {
         response: &Response,
         frame: &RawFrame,
     ) {
-        let dark = SplitLight { direct: None, global: RadianceSh::zero(self.quality.sh_order) };
+        let dark = Lights::soft(RadianceSh::zero(self.quality.sh_order));
         effects::plan(&Occasion::SHOW, &self.nothing, &dark, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,

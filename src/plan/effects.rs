@@ -3,7 +3,7 @@
 use super::{FramePlan, Pass, PlannedPass};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
-    light::SplitLight,
+    light::Lights,
     quality::Quality,
     scene::{Scene, VirtualObject},
 };
@@ -35,18 +35,12 @@ impl Occasion<'_> {
 /// Writes the passes of one frame into `out` (memory is reused): each that the frame calls for with its
 /// reason, and each left out with its reason.
 ///
-/// * `ShadowMaps`: a directional light with E_d > 0, an object that can cast, and something lit to cast on:
+/// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
 /// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces the light.
 /// * `ShadeObject`: an object is in view.
 /// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
-pub fn plan(
-    occasion: &Occasion<'_>,
-    scene: &Scene,
-    light: &SplitLight,
-    quality: &Quality,
-    out: &mut FramePlan,
-) {
+pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Quality, out: &mut FramePlan) {
     out.passes.clear();
     out.left_out.clear();
     out.passes.reserve(Pass::ALL.len());
@@ -60,13 +54,18 @@ pub fn plan(
             let cone = ViewCone::new(lens, pose);
             scene.objects.iter().any(|o| cone.may_see(o))
         });
-    let direct = light
-        .direct
-        .filter(|d| d.irradiance_rgb.iter().any(|&e| e > 0.0 && e.is_finite()))
-        .map(|d| Vec3::from(d.to_light_world));
+    let hard = || {
+        let shines = |e: &[f32; 3]| e.iter().any(|&e| e > 0.0 && e.is_finite());
+        light
+            .hard
+            .as_slice()
+            .iter()
+            .filter(move |h| shines(&h.irradiance_rgb))
+            .map(|h| Vec3::from(h.to_light_world))
+    };
+    let lit = hard().next().is_some();
     let receivers = scene.surfaces.iter().any(|s| s.receives_shadow);
-    let faces =
-        direct.is_some_and(|w| scene.surfaces.iter().any(|s| s.receives_shadow && faces_light(&s.mesh, w)));
+    let faces = hard().any(|w| scene.surfaces.iter().any(|s| s.receives_shadow && faces_light(&s.mesh, w)));
 
     let mut decide = |pass: Pass, why: Result<&'static str, &'static str>| match why {
         Ok(reason) => out.passes.push(PlannedPass { pass, reason }),
@@ -87,14 +86,14 @@ pub fn plan(
         Err("no picture is drawn")
     } else if !objects {
         Err("no virtual object casts a shadow")
-    } else if direct.is_none() {
-        Err("no directional light")
+    } else if !lit {
+        Err("no hard light")
     } else if seen {
-        Ok("virtual objects in view stand in directional light")
+        Ok("virtual objects in view stand in hard light")
     } else if faces {
         Ok("shadows of objects out of view fall on real surfaces")
     } else {
-        Err("the directional light reaches nothing in view")
+        Err("the hard light reaches nothing in view")
     };
     decide(Pass::ShadowMaps, shadows);
     let shade = if !draw {
@@ -112,9 +111,9 @@ pub fn plan(
     } else if !receivers {
         Err("no real surface receives shadows")
     } else if !faces {
-        Err("the directional light is below every receiving surface")
+        Err("the hard light is below every receiving surface")
     } else {
-        Ok("a receiving surface faces the directional light")
+        Ok("a receiving surface faces a hard light")
     };
     decide(Pass::ShadeSurface, surface);
     decide(Pass::Composite, asked(draw, "a picture is drawn", "no picture is drawn"));
@@ -192,7 +191,7 @@ impl ViewCone {
 mod tests {
     use super::*;
     use crate::model::{
-        light::{DirectionalLight, RadianceSh},
+        light::{HardLight, RadianceSh},
         scene::{Material, Mesh, RealSurface},
     };
     use glam::Affine3A;
@@ -215,15 +214,20 @@ mod tests {
             openness: vec![1.0; 3],
         };
         let surface = |receives_shadow| RealSurface { name: "s".into(), mesh: mesh(), receives_shadow };
-        Scene { objects: vec![object; objects], surfaces: receives.map(surface).into_iter().collect() }
+        Scene {
+            objects: vec![object; objects],
+            surfaces: receives.map(surface).into_iter().collect(),
+            ..Scene::default()
+        }
     }
 
-    fn sun(to_light_world: [f32; 3], e: f32) -> SplitLight {
-        let direct = DirectionalLight { to_light_world, irradiance_rgb: [e; 3], fade: 1.0 };
-        SplitLight { direct: Some(direct), global: RadianceSh::zero(4) }
+    fn sun(to_light_world: [f32; 3], e: f32) -> Lights {
+        let mut lights = Lights::soft(RadianceSh::zero(4));
+        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3] });
+        lights
     }
 
-    fn passes(occasion: &Occasion<'_>, scene: &Scene, light: &SplitLight) -> Vec<Pass> {
+    fn passes(occasion: &Occasion<'_>, scene: &Scene, light: &Lights) -> Vec<Pass> {
         let mut out = FramePlan::default();
         plan(occasion, scene, light, &Quality::default(), &mut out);
         let mut all: Vec<Pass> = out.passes.iter().chain(&out.left_out).map(|p| p.pass).collect();
@@ -246,7 +250,7 @@ mod tests {
             [ShadowMaps, ShadeObject, ShadeSurface, Composite, Tonemap]
         );
         // No sun, or a sun without power, or below the ground: no shadow on it.
-        let dark = SplitLight { direct: None, global: RadianceSh::zero(4) };
+        let dark = Lights::soft(RadianceSh::zero(4));
         for light in [dark, sun(UP, 0.0), sun(UP, -1.0)] {
             assert_eq!(passes(&show, &full, &light), [ShadeObject, Composite, Tonemap]);
         }

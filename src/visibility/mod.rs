@@ -1,5 +1,6 @@
 //! What blocks the light.
 
 pub mod blockers;
+pub mod fit_spheres;
 pub mod openness;
 pub mod shadow_maps;

@@ -317,6 +317,7 @@ impl Case {
         Ok(Scene {
             objects: objects.collect::<Result<_, AssetError>>()?,
             surfaces: surfaces.collect::<Result<_, AssetError>>()?,
+            figures: Vec::new(),
         })
     }
 }

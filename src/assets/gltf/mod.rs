@@ -8,28 +8,35 @@
 //! # What is taken
 //! Triangles, strips and fans; normals (flat ones where the file has none); vertex colours times the base colour
 //! texture, sampled at the vertices, as tints; metallic-roughness materials as the nearest of ours (`material`).
-//! Lights, cameras, animations, emission, transparency, normal and occlusion textures are passed over.
+//! Lights, cameras, emission, transparency, normal and occlusion textures are passed over. `load_figure` also takes the
+//! nodes, skins and animations; animated morph weights are passed over (the default weights stay), with a warning.
 
 mod accessor;
+mod clips;
+mod figure;
 mod material;
 mod pose;
 mod primitive;
+mod skeleton;
 mod source;
 
-use super::{
-    error::{AssetError, read_file},
-    normals::creased,
-};
+pub use figure::{DEFAULT_SPHERES, LoadedFigure, decode_figure, load_figure};
+
+use super::error::{AssetError, read_file};
 use crate::{
     model::scene::{Mesh, VirtualObject},
     visibility::openness,
 };
 use glam::Affine3A;
+use gltf::{Document, Semantic, mesh::Mode};
+use primitive::{Bound, Hang};
 use source::Source;
 use std::{collections::BTreeMap, path::Path};
 
 /// Most vertices of a model, all copies counted.
 pub const MAX_VERTICES: usize = 8 << 20;
+/// Most triangles of a model, all copies counted.
+pub const MAX_TRIANGLES: usize = 2 << 20;
 /// Most nodes of a model.
 const MAX_NODES: usize = 1 << 16;
 
@@ -65,54 +72,96 @@ pub fn load_with(
 /// As `load`.
 pub fn decode(file: &Path, bytes: &[u8]) -> Result<Vec<VirtualObject>, AssetError> {
     let mut source = Source::open(file, bytes)?;
-    let document = source.document.clone();
+    Ok(build(&mut source, &[])?.into_iter().map(|(object, _)| object).collect())
+}
+
+/// The objects, and how their vertices hang on joints where `hangs` (one for each node, or empty) says it for the
+/// nodes that they come from.
+fn build(source: &mut Source, hangs: &[Hang]) -> Result<Vec<(VirtualObject, Bound)>, AssetError> {
+    let (file, document) = (source.file, source.document.clone());
     if document.nodes().len() > MAX_NODES {
         return Err(AssetError::new(file, "nodes")
             .value(document.nodes().len())
             .allowed(format!("at most {MAX_NODES}")));
     }
-    let placed = pose::place(&source, &document)?;
+    let placed = pose::place(source, &document)?;
+    let shown = |index: usize| placed.get(index).and_then(Option::as_ref);
+    let triangles = stated_triangles(&document, &|index| shown(index).is_some());
+    if triangles > MAX_TRIANGLES {
+        return Err(AssetError::new(file, "triangles")
+            .value(triangles)
+            .allowed(format!("at most {MAX_TRIANGLES} in all")));
+    }
     // Material index (without material last) to what it covers.
-    let mut parts: BTreeMap<usize, (Mesh, material::Means)> = BTreeMap::new();
+    let mut parts: BTreeMap<usize, (Mesh, material::Means, Bound)> = BTreeMap::new();
     let mut vertices = 0;
     for node in document.nodes() {
-        let (Some(mesh), Some(place)) = (node.mesh(), placed.get(node.index()).and_then(Option::as_ref))
-        else {
-            continue;
-        };
+        let (Some(mesh), Some(place)) = (node.mesh(), shown(node.index())) else { continue };
         let weights = node.weights().or(mesh.weights()).unwrap_or(&[]).to_vec();
         for primitive in mesh.primitives() {
-            let Some(part) = primitive::read(&mut source, &primitive, place, &weights)? else { continue };
+            let hang = hangs.get(node.index());
+            let part = primitive::read(source, &primitive, place, &weights, hang);
+            let part = part
+                .map_err(|e| e.inside(format!("meshes[{}].primitives[{}]", mesh.index(), primitive.index())));
+            let Some(part) = part? else { continue };
             vertices += part.mesh.positions.len();
             if vertices > MAX_VERTICES {
                 return Err(AssetError::new(file, "vertices").allowed(format!("at most {MAX_VERTICES}")));
             }
             let key = primitive.material().index().unwrap_or(usize::MAX);
-            let (sum, means) = parts.entry(key).or_default();
+            let (sum, means, bound) = parts.entry(key).or_default();
             append(sum, part.mesh);
             means.add(&part.means);
+            bound.append(part.bound);
         }
     }
     if parts.is_empty() {
         return Err(AssetError::new(file, "triangles in the default scene").value(0).allowed("at least 1"));
     }
-    let stem = file.file_stem().map_or_else(|| "model".into(), |s| s.to_string_lossy().into_owned());
+    let stem = stem(file);
     let several = parts.len() > 1;
-    let mut objects: Vec<VirtualObject> = Vec::new();
-    for (key, (mesh, means)) in parts {
+    let mut objects: Vec<(VirtualObject, Bound)> = Vec::new();
+    for (key, (mesh, means, bound)) in parts {
         let material = document.materials().nth(key);
         let name = material.as_ref().and_then(|m| m.name().map(str::to_owned));
         let name = name
             .unwrap_or_else(|| if key == usize::MAX { "plain".into() } else { format!("material {key}") });
         let mut name = if several { format!("{stem}/{name}") } else { stem.clone() };
-        while objects.iter().any(|o| o.name == name) {
+        while objects.iter().any(|(o, _)| o.name == name) {
             name.push('\'');
         }
         let openness = vec![1.0; mesh.positions.len()];
         let material = material::of(material.as_ref(), &means);
-        objects.push(VirtualObject { name, mesh, material, world_from_object: Affine3A::IDENTITY, openness });
+        let object = VirtualObject { name, mesh, material, world_from_object: Affine3A::IDENTITY, openness };
+        objects.push((object, bound));
     }
     Ok(objects)
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().map_or_else(|| "model".into(), |s| s.to_string_lossy().into_owned())
+}
+
+/// How many triangles the shown nodes' accessors speak of, before any is read.
+fn stated_triangles(document: &Document, shown: &dyn Fn(usize) -> bool) -> usize {
+    let of_mesh = |mesh: &gltf::Mesh| {
+        let of_primitive = |primitive: gltf::Primitive| {
+            let positions = || primitive.get(&Semantic::Positions).map_or(0, |a| a.count());
+            let corners = primitive.indices().map_or_else(positions, |a| a.count());
+            match primitive.mode() {
+                Mode::Triangles => corners / 3,
+                Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
+                Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => 0,
+            }
+        };
+        mesh.primitives().map(of_primitive).fold(0, usize::saturating_add)
+    };
+    let meshes: Vec<usize> = document.meshes().map(|mesh| of_mesh(&mesh)).collect();
+    document
+        .nodes()
+        .filter(|node| shown(node.index()))
+        .filter_map(|node| meshes.get(node.mesh()?.index()).copied())
+        .fold(0, usize::saturating_add)
 }
 
 fn append(sum: &mut Mesh, part: Mesh) {
@@ -121,22 +170,6 @@ fn append(sum: &mut Mesh, part: Mesh) {
     sum.normals.extend(part.normals);
     sum.tints_rgb.extend(part.tints_rgb);
     sum.triangles.extend(part.triangles.into_iter().map(|t| t.map(|i| i + base)));
-}
-
-/// Flat normals where a primitive has none or a broken one; triangles without area go in any case.
-fn finish(mesh: Mesh, has_normals: bool) -> Mesh {
-    let unit: Option<Vec<_>> = mesh.normals.iter().map(|n| n.try_normalize()).collect();
-    match unit {
-        Some(normals) if has_normals => {
-            let area = |t: &[u32; 3]| {
-                let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
-                (b - a).cross(c - a).length_squared() > 0.0
-            };
-            let triangles = mesh.triangles.iter().filter(|t| area(t)).copied().collect();
-            Mesh { normals, triangles, ..mesh }
-        }
-        _ => creased(&mesh, 0.0),
-    }
 }
 
 #[cfg(test)]

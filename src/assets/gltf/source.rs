@@ -7,7 +7,7 @@ use crate::{
     },
     model::image::Rgb8Image,
 };
-use gltf::Document;
+use gltf::{Document, json::validation::Checked};
 use std::{collections::HashMap, path::Path, rc::Rc};
 
 /// An opened model.
@@ -20,9 +20,8 @@ pub struct Source<'a> {
     pictures: HashMap<usize, Rc<Rgb8Image>>,
 }
 
-/// Every attribute names an accessor that exists: the crate's own check looks positions up without asking, and would
-/// panic.
-fn attributes_exist(file: &Path, json: &gltf::json::Root) -> Result<(), AssetError> {
+/// Attributes and animations name only what exists: the crate looks these up without asking, and would panic.
+fn named_things_exist(file: &Path, json: &gltf::json::Root) -> Result<(), AssetError> {
     let count = json.accessors.len();
     for (m, mesh) in json.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
@@ -30,6 +29,38 @@ fn attributes_exist(file: &Path, json: &gltf::json::Root) -> Result<(), AssetErr
                 return Err(AssetError::new(file, format!("meshes[{m}].primitives[{p}].attributes"))
                     .value(index.value())
                     .allowed(format!("an accessor, of which there are {count}")));
+            }
+        }
+    }
+    for (a, animation) in json.animations.iter().enumerate() {
+        let (nodes, samplers) = (json.nodes.len(), animation.samplers.len());
+        let missing = |what: String, index: usize, of: &str, count: usize| {
+            let what = format!("animations[{a}].{what}");
+            let allowed = format!("{of}, of which there are {count}");
+            Err(AssetError::new(file, what).value(index).allowed(allowed))
+        };
+        for (c, channel) in animation.channels.iter().enumerate() {
+            let (sampler, node) = (channel.sampler.value(), channel.target.node.value());
+            if sampler >= samplers {
+                return missing(format!("channels[{c}].sampler"), sampler, "one of its samplers", samplers);
+            }
+            if node >= nodes {
+                return missing(format!("channels[{c}].target.node"), node, "a node", nodes);
+            }
+            if matches!(channel.target.path, Checked::Invalid) {
+                return Err(AssetError::new(file, format!("animations[{a}].channels[{c}].target.path"))
+                    .allowed("translation, rotation, scale or weights"));
+            }
+        }
+        for (s, sampler) in animation.samplers.iter().enumerate() {
+            if matches!(sampler.interpolation, Checked::Invalid) {
+                return Err(AssetError::new(file, format!("animations[{a}].samplers[{s}].interpolation"))
+                    .allowed("LINEAR, STEP or CUBICSPLINE"));
+            }
+            for (key, index) in [("input", sampler.input.value()), ("output", sampler.output.value())] {
+                if index >= count {
+                    return missing(format!("samplers[{s}].{key}"), index, "an accessor", count);
+                }
             }
         }
     }
@@ -42,7 +73,7 @@ impl<'a> Source<'a> {
         let (json, mut binary) = if bytes.starts_with(b"glTF") { split(file, bytes)? } else { (bytes, None) };
         let unsound = |e: gltf::Error| AssetError::new(file, "glTF description").cause(e);
         let json = gltf::Gltf::from_slice_without_validation(json).map_err(unsound)?.document.into_json();
-        attributes_exist(file, &json)?;
+        named_things_exist(file, &json)?;
         let document = Rc::new(Document::from_json(json).map_err(unsound)?);
         let mut buffers = Vec::new();
         for buffer in &document.as_json().buffers {

@@ -42,9 +42,20 @@
 //! position = [0.1, 0.0, 0.0]
 //! yaw_deg = 30.0
 //! material = { kind = "lambert", albedo_rgb = [0.8, 0.7, 0.5] }   # or phong (specular_rgb, exponent), mirror (reflectance_rgb)
+//! spheres = 16                       # how many stand for it where it blocks soft light, 4 to 64
+//!
+//! [[object]]                         # a figure that walks
+//! file = "walker.glb"
+//! height_m = 0.2
+//! animation = "Walk"                 # one of the file's; without this key it stands as its file's nodes say
+//! animation_speed = 1.0              # seconds of the clip in a second
+//! animation_start_s = 0.25           # where in the clip it begins
+//! path = [[0.1, 0.0], [0.3, 0.1], [0.1, 0.2]]   # closed, corners rounded; it faces its way (plus yaw_deg)
+//! path_speed_m_s = 0.1
 //! ```
 //! Paths are relative to the scene file.
 
+mod figure;
 mod place;
 mod rig;
 mod walk;
@@ -192,14 +203,14 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
         .enumerate()
         .filter_map(|(i, s)| place::surface(s, i, folder, &mistakes))
         .collect();
-    let objects = root
-        .tables("object")
-        .iter()
-        .enumerate()
-        .flat_map(|(i, s)| place::objects(s, i, folder, &mistakes))
-        .collect();
+    let mut scene = Scene { surfaces, ..Scene::default() };
+    for (i, section) in root.tables("object").iter().enumerate() {
+        let Some((objects, mut figure)) = place::objects(section, i, folder, &mistakes) else { continue };
+        figure.parts.iter_mut().for_each(|part| part.object += scene.objects.len());
+        scene.objects.extend(objects);
+        scene.figures.push(figure);
+    }
     root.finish();
-    let scene = Scene { objects, surfaces };
     match mistakes.into_error() {
         Some(error) => Err(error),
         None => Ok(SceneFile { file: file.to_owned(), scene, camera, light, tags, ball, ball_on_surface }),

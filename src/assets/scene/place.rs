@@ -1,10 +1,13 @@
 //! Real surfaces and virtual objects of a scene file.
 
 use super::{
+    figure::{movement, static_figure},
     resolved,
     walk::{Mistakes, Section, numbers},
 };
+use crate::animate::walk::{towards_x, world_from_start};
 use crate::assets::{error::read_text, gltf, obj, shapes};
+use crate::model::animation::Figure;
 use crate::model::scene::{Material, Mesh, RealSurface, VirtualObject};
 use crate::visibility::openness;
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -49,27 +52,32 @@ pub fn surface(
     Some(RealSurface { name, mesh: shapes::transformed(&mesh, &transform), receives_shadow })
 }
 
-/// `[[object]]`; a file with several materials gives several objects.
+/// `[[object]]`; a file with several materials gives several objects. They are the parts of one figure, which counts
+/// them from 0.
 pub fn objects(
     section: &Section<'_>,
     index: usize,
     folder: &Path,
     mistakes: &Mistakes<'_>,
-) -> Vec<VirtualObject> {
+) -> Option<(Vec<VirtualObject>, Figure)> {
     let name = section.text("name").map_or_else(|| format!("object {index}"), str::to_owned);
     let material = section.table("material").and_then(|s| material(&s));
-    let parts = match section.text("file") {
-        Some(file) => gltf::load(&resolved(folder, file)).map_err(|error| mistakes.add(error)).ok(),
-        None => shape(section, &OBJECT_SHAPES).map(|mesh| {
+    let movement = movement(section);
+    let loaded = match (section.text("file"), &movement.animation) {
+        (Some(file), None) => gltf::load(&resolved(folder, file))
+            .map_err(|error| mistakes.add(error))
+            .ok()
+            .map(|parts| (static_figure(parts.len()), parts)),
+        (Some(file), Some(_)) => gltf::load_figure(&resolved(folder, file), openness::DEFAULT_RAYS, &|_| ())
+            .map_err(|error| mistakes.add(error))
+            .ok()
+            .map(|loaded| (loaded.figure, loaded.objects)),
+        (None, _) => shape(section, &OBJECT_SHAPES).map(|mesh| {
             let openness = openness::of_mesh(&mesh, openness::DEFAULT_RAYS, &|_| ());
             let material = Material::Lambert { albedo_rgb: [0.7; 3] };
-            vec![VirtualObject {
-                name: name.clone(),
-                mesh,
-                material,
-                world_from_object: Affine3A::IDENTITY,
-                openness,
-            }]
+            let (name, world_from_object) = (name.clone(), Affine3A::IDENTITY);
+            let object = VirtualObject { name, mesh, material, world_from_object, openness };
+            (static_figure(1), vec![object])
         }),
     };
     let scale = section.number("scale", 1e-4, 1e4);
@@ -81,8 +89,8 @@ pub fn objects(
     });
     let place = place(section);
     section.finish();
-    let Some(mut parts) = parts else { return Vec::new() };
-    let Some((low, high)) = bounds(&parts) else { return Vec::new() };
+    let (figure, mut parts) = loaded?;
+    let (low, high) = bounds(&parts)?;
     let height = high.z - low.z;
     let scale = match height_m {
         Some(wanted) if height > 0.0 => wanted as f32 / height,
@@ -94,8 +102,16 @@ pub fn objects(
     } else {
         Vec3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z)
     };
-    let stand = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), place.rotation, place.position)
-        * Affine3A::from_translation(-origin);
+    // A walk is put in front of this, beginning along +x.
+    let rotation = if movement.walk.is_some() { towards_x() * place.rotation } else { place.rotation };
+    let world_from_figure =
+        Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, place.position)
+            * Affine3A::from_translation(-origin);
+    let stand = match &movement.walk {
+        Some(walk) => world_from_start(walk, 0.0) * world_from_figure,
+        None => world_from_figure,
+    };
+    let figure = movement.figure(section, figure, name.clone(), world_from_figure);
     let several = parts.len() > 1;
     for part in &mut parts {
         part.world_from_object = stand * part.world_from_object;
@@ -104,7 +120,7 @@ pub fn objects(
         }
         part.name = if several { format!("{name}/{}", part.name) } else { name.clone() };
     }
-    parts
+    Some((parts, figure))
 }
 
 struct Place {

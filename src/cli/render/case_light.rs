@@ -1,17 +1,16 @@
 //! The emitters of a case: as the objects' light, and as irradiance on its receivers.
 
+use super::still::halve_options;
 use crate::assets::{
     case::{Case, Emitter, EmitterKind, Role, Shape},
     pictures,
 };
 use crate::cli::CliError;
-use crate::light::{
-    maps, project_sh,
-    split::{self, SplitOptions},
-};
+use crate::light::{halve::halve_still, maps, project_sh};
 use crate::math::bvh::Bvh;
 use crate::model::{
-    light::{DirectionalLight, EnvironmentMap, MapLayout, RadianceSamples, RadianceSh, SplitLight},
+    light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
+    quality::Quality,
     scene::Scene,
 };
 use glam::DVec3;
@@ -128,8 +127,8 @@ pub fn split_for_objects(
     case: &Case,
     scene: &Scene,
     sources: &[Source],
-    order: usize,
-) -> Result<SplitLight, CliError> {
+    quality: &Quality,
+) -> Result<Lights, CliError> {
     let on_plane =
         case.geometry.iter().any(|g| g.role == Role::Receiver && matches!(g.shape, Shape::PlaneZ0 { .. }));
     let centre = centre_of(scene);
@@ -142,7 +141,7 @@ pub fn split_for_objects(
             samples.radiance.push([r, g, b, 0.0]);
         }
     };
-    let mut direct = None;
+    let mut hard = Vec::new();
     for source in sources {
         match source {
             Source::Environment(map, _) => {
@@ -152,10 +151,9 @@ pub fn split_for_objects(
                 }
             }
             Source::Directional { to_light, irradiance_rgb } => {
-                direct = Some(DirectionalLight {
+                hard.push(HardLight {
                     to_light_world: to_light.as_vec3().to_array(),
                     irradiance_rgb: irradiance_rgb.map(|e| e as f32),
-                    fade: 1.0,
                 });
             }
             Source::Constant(radiance) => {
@@ -181,18 +179,38 @@ pub fn split_for_objects(
             }
         }
     }
+    if sources.iter().any(|s| matches!(s, Source::Patch { .. })) {
+        darkness(&mut samples);
+    }
     let total = if samples.directions.is_empty() {
-        RadianceSh::zero(order)
+        RadianceSh::zero(quality.sh_order)
     } else {
-        project_sh::project_sh(&samples, order)
+        project_sh::project_sh(&samples, quality.sh_order)
     };
     // A constant sky is soft as it is; only light that has a direct part hidden in it is split.
     let mixed = |s: &Source| matches!(s, Source::Environment(..) | Source::Patch { .. });
-    Ok(if direct.is_none() && sources.iter().any(mixed) {
-        split::split(&total, &SplitOptions::default())
+    let mut lights = if sources.iter().any(mixed) {
+        halve_still(&samples, &total, halve_options(quality, on_plane))
     } else {
-        SplitLight { direct, global: total }
-    })
+        Lights::soft(total)
+    };
+    for light in hard {
+        lights.hard.push(light);
+    }
+    Ok(lights)
+}
+
+/// Says of the whole sphere that it is black: what lies around a lamp is known then.
+fn darkness(samples: &mut RadianceSamples) {
+    const DIRECTIONS: usize = 4096;
+    for j in 0..DIRECTIONS {
+        let z = 1.0 - 2.0 * (j as f64 + 0.5) / DIRECTIONS as f64;
+        let phi = PI * (1.0 + 5f64.sqrt()) * (j as f64 + 0.5);
+        let r = (1.0 - z * z).sqrt();
+        let weight_sr = 4.0 * PI / DIRECTIONS as f64;
+        samples.directions.push([r * phi.cos(), r * phi.sin(), z, weight_sr].map(|x| x as f32));
+        samples.radiance.push([0.0; 4]);
+    }
 }
 
 /// Mean of the objects' vertices; 10 cm above the origin where there are none.

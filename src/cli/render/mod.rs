@@ -14,7 +14,10 @@ use super::{CliError, Common};
 use crate::assets::{case, pictures, scene};
 use crate::engine::Engine;
 use crate::math::lens::Lens;
-use crate::model::quality::Quality;
+use crate::model::{
+    light::MAX_HARD_LIGHTS,
+    quality::{Quality, SplitKind},
+};
 use std::path::{Path, PathBuf};
 
 /// Draw one still of a scene file or of a reference case.
@@ -58,6 +61,12 @@ pub struct Arguments {
     /// SH order of the light, 2 to 6.
     #[arg(long, value_name = "N", default_value_t = Quality::default().sh_order)]
     pub sh_order: usize,
+    /// What becomes of the light: compact lights with their extent, one light by net flux (paper, bounded), or none (sh).
+    #[arg(long, value_name = "KIND", default_value = SplitKind::Compact.name())]
+    pub split: String,
+    /// Shadow maps that compact lights share, 1 to 64.
+    #[arg(long, value_name = "N", default_value_t = Quality::default().shadow_maps)]
+    pub shadow_maps: usize,
     /// Shadow map texels a side, 64 to 4096.
     #[arg(long, value_name = "N", default_value_t = Quality::default().shadow_map_texels)]
     pub shadow_map_texels: u32,
@@ -77,7 +86,19 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         return Err(CliError(format!("--exposure-s = {seconds}: must be above 0 s")));
     }
     let save = arguments.out.as_deref().map(output_format).transpose()?;
+    let split = SplitKind::from_name(&arguments.split).ok_or_else(|| {
+        CliError(format!("--split = {}: must be one of {}", arguments.split, SplitKind::NAMES.join(", ")))
+    })?;
+    if !(1..=MAX_HARD_LIGHTS).contains(&arguments.shadow_maps) {
+        let most = MAX_HARD_LIGHTS;
+        return Err(CliError(format!(
+            "--shadow-maps = {}: must be within 1..={most}",
+            arguments.shadow_maps
+        )));
+    }
     let quality = Quality {
+        split,
+        shadow_maps: arguments.shadow_maps,
         sh_order: arguments.sh_order,
         shadow_map_texels: arguments.shadow_map_texels,
         pcf_taps: arguments.pcf_taps,

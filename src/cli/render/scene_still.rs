@@ -1,6 +1,6 @@
 //! The still of a scene file: its pictures merged, its light measured or stated, its objects over it.
 
-use super::still::{Quantity, Still};
+use super::still::{Quantity, Still, halve_options};
 use crate::assets::{
     pictures, response,
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
@@ -9,16 +9,16 @@ use crate::cli::CliError;
 use crate::compose::{
     geometry::SurfaceGeometry,
     raster::{self, Fragment, Projected, Rays, View},
-    shade_object::{LightTerms, soft_over_pi},
+    shade_object::{LightTerms, soft_over_pi, unshadowed},
 };
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
-use crate::light::split::{SplitOptions, split};
+use crate::light::halve::halve_still;
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
 use crate::model::{
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
-    light::{DirectionalLight, EnvironmentMap, MapLayout, RadianceSh, SplitLight},
+    light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
     quality::Quality,
     response::Response,
 };
@@ -73,24 +73,33 @@ pub fn of_scene(
         }
     };
     let light = match (&total, &file.light) {
-        (Some(total), _) => split(total, &SplitOptions { bounded: true, ..SplitOptions::default() }),
+        (Some((total, samples)), source) => {
+            let on_surface = matches!(source, LightSource::Ball(_)) && file.ball_on_surface;
+            let above_horizon = on_surface || faces_up(&file.scene);
+            halve_still(samples, total, halve_options(quality, above_horizon))
+        }
         (None, LightSource::Stated { constant_rgb, direct }) => {
             let mut global = RadianceSh::zero(quality.sh_order);
             global.rgb[0] = constant_rgb.map(|c| c * (4.0 * std::f32::consts::PI).sqrt());
-            let direct = direct.map(|(to_light_world, irradiance_rgb)| DirectionalLight {
-                to_light_world,
-                irradiance_rgb,
-                fade: 1.0,
-            });
-            SplitLight { direct, global }
+            let mut lights = Lights::soft(global);
+            if let &Some((to_light_world, irradiance_rgb)) = direct {
+                lights.hard.push(HardLight { to_light_world, irradiance_rgb });
+            }
+            lights
         }
-        (None, _) => SplitLight { direct: None, global: RadianceSh::zero(quality.sh_order) },
+        (None, _) => Lights::soft(RadianceSh::zero(quality.sh_order)),
     };
-    if let Some(direct) = &light.direct {
-        let [x, y, z] = direct.to_light_world;
-        let [r, g, b] = direct.irradiance_rgb;
-        notes.push(format!("light from ({x:.3}, {y:.3}, {z:.3}), E_d = ({r:.4}, {g:.4}, {b:.4})"));
+    for compact in light.compact.iter().flatten() {
+        let [x, y, z] = compact.to_light_world;
+        let [r, g, b] = compact.flux_rgb;
+        let extent = compact.extent_rad.to_degrees();
+        notes.push(format!("light from ({x:.3}, {y:.3}, {z:.3}), flux ({r:.4}, {g:.4}, {b:.4}), {extent:.1} degrees wide (rms)"));
     }
+    notes.push(format!(
+        "{} hard lights, the rest in SH of order {}",
+        light.hard.as_slice().len(),
+        light.global.order
+    ));
     let (background, exposure_s) = match &place {
         Some(loaded) => {
             (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))
@@ -168,7 +177,7 @@ fn read_ball(
     engine: &mut dyn Engine,
     quality: &Quality,
     notes: &mut Vec<String>,
-) -> Result<RadianceSh, CliError> {
+) -> Result<(RadianceSh, RadianceSamples), CliError> {
     let (Some(ball), Some(loaded)) = (&file.ball, loaded) else {
         return Err(CliError(format!(
             "{}: ball: must be given to measure the light on it",
@@ -191,7 +200,7 @@ fn read_ball(
         flags.saturated_texels,
         100.0 * flags.filled_share
     ));
-    Ok(measured.total)
+    Ok((measured.total, engine.measured_samples().clone()))
 }
 
 fn read_map(
@@ -201,7 +210,7 @@ fn read_map(
     rotation_deg: f64,
     engine: &mut dyn Engine,
     quality: &Quality,
-) -> Result<RadianceSh, CliError> {
+) -> Result<(RadianceSh, RadianceSamples), CliError> {
     let radiance = pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr.radiance;
     let job = EnvironmentMap { layout, radiance };
     let measured =
@@ -218,11 +227,31 @@ fn read_map(
     let mut turned = [[0.0f32; 3]; MAX_COEFFICIENTS];
     let count = order * order;
     Rotation::new(order, rows).apply_rows(&measured.total.rgb[..count], &mut turned[..count]);
-    Ok(RadianceSh { order, rgb: turned })
+    let mut samples = engine.measured_samples().clone();
+    for d in &mut samples.directions {
+        let world = world_from_map.as_mat3() * Vec3::new(d[0], d[1], d[2]);
+        *d = world.extend(d[3]).to_array();
+    }
+    Ok((RadianceSh { order, rgb: turned }, samples))
+}
+
+/// Whether every surface that receives shadows faces up: then no light from below the horizon draws one.
+fn faces_up(scene: &crate::model::scene::Scene) -> bool {
+    let mut receivers = scene.surfaces.iter().filter(|s| s.receives_shadow).peekable();
+    receivers.peek().is_some()
+        && receivers.all(|surface| {
+            surface.mesh.triangles.iter().all(|t| {
+                let [Some(a), Some(b), Some(c)] = t.map(|i| surface.mesh.positions.get(i as usize)) else {
+                    return true;
+                };
+                let normal = (*b - *a).cross(*c - *a);
+                normal.z >= 0.99 * normal.length()
+            })
+        })
 }
 
 /// A place without a picture: its surfaces in gray under the light, black beyond.
-fn gray_surfaces(file: &SceneFile, camera: &SceneCamera, light: &SplitLight) -> HdrImage {
+fn gray_surfaces(file: &SceneFile, camera: &SceneCamera, light: &Lights) -> HdrImage {
     let mut surfaces = SurfaceGeometry::default();
     surfaces.load(&file.scene.surfaces);
     let (mut rays, mut projected) = (Rays::default(), Projected::default());
@@ -233,12 +262,8 @@ fn gray_surfaces(file: &SceneFile, camera: &SceneCamera, light: &SplitLight) -> 
     let shade = |fragment: &Fragment| {
         let facet = surfaces.facet_normals[fragment.triangle];
         let normal = if facet.dot(fragment.to_eye) < 0.0 { -facet } else { facet };
-        let cosine = normal.dot(Vec3::from(terms.to_light_world)).max(0.0);
-        let soft = soft_over_pi(&terms, normal);
-        std::array::from_fn(|c| {
-            let direct = terms.direct_rgb[c] * cosine * std::f32::consts::FRAC_1_PI;
-            (GRAY_ALBEDO * (direct + soft[c])).max(0.0)
-        })
+        let (direct, soft) = (unshadowed(&terms, normal), soft_over_pi(&terms, normal));
+        std::array::from_fn(|c| (GRAY_ALBEDO * (direct[c] * std::f32::consts::FRAC_1_PI + soft[c])).max(0.0))
     };
     let mut background = HdrImage::default();
     raster::draw_surfaces(

@@ -4,11 +4,12 @@ use super::{background, case_light};
 use crate::assets::case::Case;
 use crate::cli::{CliError, common::PixelDigest};
 use crate::engine::{Engine, RelightInput};
+use crate::light::{halve::HalveOptions, split::SplitOptions};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     frame::Exposure,
     image::{HdrImage, RadianceImage, Rgb8Image},
-    light::SplitLight,
+    light::Lights,
     picture::Picture,
     quality::Quality,
     response::Response,
@@ -19,6 +20,16 @@ use crate::plan::{
     FramePlan, PassTiming,
     effects::{self, Occasion},
 };
+
+/// How a still's light is halved.
+pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
+    HalveOptions {
+        kind: quality.split,
+        shadow_maps: quality.shadow_maps,
+        net_flux: SplitOptions::default(),
+        above_horizon,
+    }
+}
 
 /// What of the picture is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +52,7 @@ pub struct Still {
     /// Camera to world.
     pub world_from_camera: Pose,
     /// The light of the objects.
-    pub light: SplitLight,
+    pub light: Lights,
     /// The place without the objects.
     pub background: HdrImage,
     /// For the 8-bit picture.
@@ -96,7 +107,7 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
     let scene = case.scene(Some(image)).map_err(file)?;
     let emitters = case.emitters(Some(image)).map_err(file)?;
     let sources = case_light::sources(case, &emitters)?;
-    let light = case_light::split_for_objects(case, &scene, &sources, quality.sh_order)?;
+    let light = case_light::split_for_objects(case, &scene, &sources, quality)?;
     let background = background::shade(case, &scene, &sources);
     let quantity = if image == "ratio" {
         Quantity::Ratio

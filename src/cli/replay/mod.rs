@@ -59,7 +59,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
             .map_err(|e| CliError::on(frames.display(), format!("cannot be made: {e}")))?;
     }
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
-    let mut sink = Collector::new(&arguments, total, settings.bounded_split);
+    let mut sink = Collector::new(&arguments, total);
     let engine = prepared.engine.clone();
     let (counts, passes) =
         run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
@@ -134,12 +134,11 @@ struct Collector {
     digest: PixelDigest,
     numbers: Vec<FrameNumbers>,
     light: Option<crate::model::estimate::LightEstimate>,
-    bounded_split: bool,
     progress: ProgressBar,
 }
 
 impl Collector {
-    fn new(arguments: &Arguments, total: Option<u64>, bounded_split: bool) -> Self {
+    fn new(arguments: &Arguments, total: Option<u64>) -> Self {
         let progress = match total {
             Some(n) => ProgressBar::new(n),
             None => ProgressBar::new_spinner(),
@@ -158,7 +157,6 @@ impl Collector {
             digest: PixelDigest::default(),
             numbers: Vec::new(),
             light: None,
-            bounded_split,
             progress,
         }
     }
@@ -200,7 +198,7 @@ impl FrameSink for Collector {
         picture: &Picture,
     ) -> Result<bool, PipelineError> {
         self.digest.add_bytes(picture.display.pixels());
-        self.numbers.push(FrameNumbers::of(outcome, truth, self.bounded_split));
+        self.numbers.push(FrameNumbers::of(outcome, truth));
         if outcome.light.is_some() {
             self.light = outcome.light;
         }

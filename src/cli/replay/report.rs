@@ -38,6 +38,10 @@ impl Report {
             stages.insert(name.into(), json!({ "median_ms": spread.median, "p95_ms": spread.p95 }));
         }
         let with_unit = |spread: Option<Spread>, unit: &str| spread.map(|s| s.json(unit));
+        let irradiance_rgb = [0, 1, 2].map(|c| {
+            let channel = after_warm_up(&self.frames, |f| f.irradiance_error_rgb.map(|e| e[c].abs()));
+            with_unit(channel, "relative")
+        });
         let light = self.light.as_ref().map(|l| {
             json!({
                 "order": l.total.order,
@@ -61,6 +65,7 @@ impl Report {
             "light": {
                 "last": light,
                 "direction_error": with_unit(after_warm_up(&self.frames, |f| f.direction_error_deg), "deg"),
+                "irradiance_error_rgb": irradiance_rgb,
                 "irradiance_error": with_unit(after_warm_up(&self.frames, |f| f.irradiance_error.map(f64::abs)), "relative"),
             },
             "pose": {

@@ -23,13 +23,15 @@ pub struct FrameNumbers {
     pub pose_measured: bool,
     /// Relative error of the gray E_d.
     pub irradiance_error: Option<f64>,
+    /// Relative errors of E_d in red, green and blue.
+    pub irradiance_error_rgb: Option<[f64; 3]>,
     /// Milliseconds of each stage.
     pub stage_ms: [f32; Stage::ALL.len()],
 }
 
 impl FrameNumbers {
     /// Measures one frame.
-    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>, bounded_split: bool) -> Self {
+    pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>) -> Self {
         let mut numbers = Self { stage_ms: outcome.stage_ms, ..Self::default() };
         if let Some(pose) = &outcome.pose {
             numbers.pose_measured = pose.provenance == Provenance::Measured;
@@ -46,10 +48,14 @@ impl FrameNumbers {
             let found = DVec3::from(direct.to_light_world.map(f64::from));
             let exact = DVec3::from(truth.to_light_world.map(f64::from));
             numbers.direction_error_deg = Some(angle_deg(found, exact));
-            let exact_irradiance = true_irradiance(truth, light.total.order, bounded_split);
-            if exact_irradiance > 0.0 {
-                let found_irradiance = gray(direct.irradiance_rgb.map(f64::from));
-                numbers.irradiance_error = Some(found_irradiance / exact_irradiance - 1.0);
+            let exact_rgb = true_irradiance_rgb(truth, light.total.order);
+            let found_rgb = direct.irradiance_rgb.map(f64::from);
+            if gray(exact_rgb) > 0.0 {
+                numbers.irradiance_error = Some(gray(found_rgb) / gray(exact_rgb) - 1.0);
+            }
+            if exact_rgb.iter().all(|exact| *exact > 0.0) {
+                let error = std::array::from_fn(|c| found_rgb[c] / exact_rgb[c] - 1.0);
+                numbers.irradiance_error_rgb = Some(error);
             }
         }
         numbers
@@ -60,13 +66,13 @@ fn gray(rgb: [f64; 3]) -> f64 {
     0.3 * rgb[0] + 0.59 * rgb[1] + 0.11 * rgb[2]
 }
 
-/// E_d of the truth (gray), split as the measured light is.
-fn true_irradiance(truth: &Truth, order: usize, bounded: bool) -> f64 {
+/// E_d of the truth, split as the measured light is.
+fn true_irradiance_rgb(truth: &Truth, order: usize) -> [f64; 3] {
     let mut light = RadianceSh::zero(order.min(truth.light.order));
     let rows = light.order * light.order;
     light.rgb[..rows].copy_from_slice(&truth.light.rgb[..rows]);
-    let halves = split(&light, &SplitOptions { bounded, ..SplitOptions::default() });
-    halves.direct.map_or(0.0, |d| gray(d.irradiance_rgb.map(f64::from)))
+    let halves = split(&light, &SplitOptions::default());
+    halves.direct.map_or([0.0; 3], |d| d.irradiance_rgb.map(f64::from))
 }
 
 fn angle_deg(a: DVec3, b: DVec3) -> f64 {

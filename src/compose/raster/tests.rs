@@ -15,7 +15,7 @@ fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> ObjectGeometry {
         openness: Vec::new(),
     };
     let mut geometry = ObjectGeometry::default();
-    geometry.load(&Scene { objects: vec![object], surfaces: Vec::new() });
+    geometry.load(&Scene { objects: vec![object], ..Scene::default() });
     geometry
 }
 

@@ -187,6 +187,10 @@ impl Engine for GpuEngine {
         measured
     }
 
+    fn measured_samples(&self) -> &RadianceSamples {
+        &self.samples
+    }
+
     fn relight(
         &mut self,
         plan: &FramePlan,

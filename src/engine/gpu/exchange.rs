@@ -8,7 +8,7 @@ use super::{
     context::GpuContext,
     kernel::Resource,
     recorder::Recorder,
-    textures::KeptTexture,
+    textures::{KeptLayers, KeptTexture},
 };
 use crate::{
     engine::{EngineError, cpu::Work},
@@ -48,8 +48,8 @@ impl Place {
 
 /// The results on the device, and where each is.
 pub struct Exchange {
-    /// Depth along the light.
-    pub shadow_map: KeptTexture,
+    /// Depth along each hard light.
+    pub shadow_maps: KeptLayers,
     /// Objects over nothing.
     pub object_layer: KeptTexture,
     /// What is left of the light on real surfaces.
@@ -57,7 +57,7 @@ pub struct Exchange {
     /// The composed picture: three floats a pixel.
     pub radiance: GrowingBuffer,
     readback: Readback,
-    /// Where the shadow map is.
+    /// Where the shadow maps are.
     pub shadow_place: Place,
     /// Where the object layer is.
     pub object_place: Place,
@@ -71,7 +71,7 @@ impl Exchange {
     /// Empty.
     pub const fn new() -> Self {
         Self {
-            shadow_map: KeptTexture::result("shadow map", SHADOW_MAP_FORMAT),
+            shadow_maps: KeptLayers::result("shadow maps", SHADOW_MAP_FORMAT),
             object_layer: KeptTexture::result("object layer", OBJECT_LAYER_FORMAT),
             ratios: KeptTexture::result("ratios", RATIOS_FORMAT),
             radiance: GrowingBuffer::storage("composed radiance"),
@@ -91,7 +91,7 @@ impl Exchange {
         self.radiance_place = Place::Nowhere;
     }
 
-    /// Brings the shadow map to the twins.
+    /// Brings the shadow maps to the twins.
     pub fn shadow_to_host(
         &mut self,
         recorder: &mut Recorder<'_>,
@@ -99,22 +99,37 @@ impl Exchange {
     ) -> Result<(), EngineError> {
         if self.shadow_place == Place::Device {
             recorder.submit();
-            let texels = self.shadow_map.download(recorder.context, Pass::ShadowMaps.name())?;
-            twins.shadow_map.set_depth(bytemuck::pod_collect_to_vec(&texels));
+            for k in 0..twins.shadows.cameras().len() {
+                if twins.shadows.cameras()[k].is_some() {
+                    let pass = Pass::ShadowMaps.name();
+                    let texels = self.shadow_maps.download(recorder.context, k as u32, pass)?;
+                    twins.shadows.set_depth(k, bytemuck::pod_collect_to_vec(&texels));
+                }
+            }
             self.shadow_place = Place::Both;
         }
         Ok(())
     }
 
-    /// Brings the shadow map to the device, and binds it.
-    pub fn shadow_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work) -> Resource {
-        let depth = twins.shadow_map.depth();
-        if self.shadow_place == Place::Host && !depth.is_empty() {
-            let side = depth.len().isqrt() as u32;
-            self.shadow_map.upload(recorder.context, side, side, bytemuck::cast_slice(depth));
+    /// Brings the shadow maps to the device, and binds them.
+    pub fn shadow_to_device(
+        &mut self,
+        recorder: &Recorder<'_>,
+        twins: &Work,
+    ) -> Result<Resource, EngineError> {
+        let context = recorder.context;
+        if self.shadow_place == Place::Host {
+            let cameras = twins.shadows.cameras();
+            if let Some(side) = cameras.iter().flatten().map(|c| c.texels).next() {
+                self.shadow_maps.sized(context, side, cameras.len() as u32);
+            }
+            for k in (0..cameras.len()).filter(|&k| cameras[k].is_some()) {
+                self.shadow_maps.upload(context, k as u32, bytemuck::cast_slice(twins.shadows.depth(k)));
+            }
             self.shadow_place = Place::Both;
         }
-        self.shadow_map.bind(recorder.context)
+        let missing = || EngineError::Gpu { pass: "visibility/shadow_maps", reason: "no texture".into() };
+        self.shadow_maps.bind(context).ok_or_else(missing)
     }
 
     /// Brings the object layer to the twins; the device's is radiance times `exposure`.

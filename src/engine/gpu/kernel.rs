@@ -29,6 +29,8 @@ pub enum BindingKind {
     Floats,
     /// A 2D texture of unsigned integers, read texel by texel.
     Uints,
+    /// An array of such textures.
+    UintLayers,
 }
 
 /// One place of bind group 0; its number is its position in the kernel's list.
@@ -102,6 +104,11 @@ impl Kernel {
             BindingKind::Uints => wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Uint,
                 view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            BindingKind::UintLayers => wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Uint,
+                view_dimension: wgpu::TextureViewDimension::D2Array,
                 multisampled: false,
             },
         };

@@ -63,7 +63,7 @@ pub const SHADOW_MAPS: Kernel = Kernel {
     pass: Pass::ShadowMaps,
     sources: &[source!("shared/shadow_camera"), source!("visibility/shadow_maps")],
     entries: &["vertex", "fragment"],
-    bindings: &[Binding::new("camera", BindingKind::Uniform)],
+    bindings: &[Binding::new("camera", BindingKind::UniformAtOffset)],
     structs: &[params::ShadowCamera::LAYOUT],
 };
 
@@ -83,14 +83,15 @@ pub const SHADE_OBJECT: Kernel = Kernel {
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("light", BindingKind::Uniform),
-        Binding::new("camera", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
         Binding::new("material", BindingKind::UniformAtOffset),
-        Binding::new("shadow_map", BindingKind::Uints),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
     ],
     structs: &[
         params::View::LAYOUT,
         params::LightTerms::LAYOUT,
         params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
         params::MaterialTerms::LAYOUT,
     ],
 };
@@ -111,10 +112,15 @@ pub const SHADE_SURFACE: Kernel = Kernel {
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("light", BindingKind::Uniform),
-        Binding::new("camera", BindingKind::Uniform),
-        Binding::new("shadow_map", BindingKind::Uints),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
     ],
-    structs: &[params::View::LAYOUT, params::LightTerms::LAYOUT, params::ShadowCamera::LAYOUT],
+    structs: &[
+        params::View::LAYOUT,
+        params::LightTerms::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+    ],
 };
 
 /// `compose/composite`: one invocation a pixel.

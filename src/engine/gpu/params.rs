@@ -1,6 +1,8 @@
 //! Structs that the host fills and a shader reads. Each is written once here; `tests/shaders.rs` compares every
 //! member's name, offset and size with what naga reads from the WGSL struct of the same name.
 
+use crate::model::light::MAX_HARD_LIGHTS;
+
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Member {
@@ -124,20 +126,18 @@ shared_struct! {
 shared_struct! {
     /// The light of a frame, `shared/soft_light`. Twin: `compose::shade_object::LightTerms`.
     LightTerms {
-        /// Unit, towards the directional light, world frame.
-        to_light: [f32; 4],
-        /// E_d.
-        direct_rgb: [f32; 4],
-        /// Order of the tables.
-        order: [u32; 4],
+        /// Order of the tables; hard lights in use.
+        order_hard: [u32; 4],
         /// Multiplies the radiance of objects, so that 16-bit floats hold it.
         exposure: [f32; 4],
         /// irradiance / pi of the soft half.
         soft_rgb: [[f32; 4]; 36],
         /// L_g.
         global_rgb: [[f32; 4]; 36],
-        /// L_g + E_d y(w_d).
+        /// L_g + sum of E_k y(w_k).
         total_rgb: [[f32; 4]; 36],
+        /// Hard lights: unit vector towards it (world frame), and irradiance.
+        hard: [[[f32; 4]; 2]; MAX_HARD_LIGHTS],
     }
 }
 
@@ -154,6 +154,14 @@ shared_struct! {
         texel_depth_m: [f32; 4],
         /// Texels a side (0: no map), taps a side of the filter.
         texels_taps: [u32; 4],
+    }
+}
+
+shared_struct! {
+    /// The cameras of all hard lights.
+    ShadowCameras {
+        /// One for each.
+        cameras: [ShadowCamera; MAX_HARD_LIGHTS],
     }
 }
 

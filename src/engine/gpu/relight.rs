@@ -20,7 +20,6 @@ use crate::{
     engine::{EngineError, RelightInput, cpu},
     model::{picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
-    visibility::shadow_maps::ShadowCamera,
 };
 
 /// The kernel in a slot, compiled on first use.
@@ -103,31 +102,31 @@ impl Relighter {
         let (twins, exchange) = (&mut self.twins, &mut self.exchange);
         exchange.begin();
         out.t = input.t;
-        let mut shadow: Option<ShadowCamera> = None;
+        twins.shadows.clear();
         let mut displayed = Place::Nowhere;
         let mut recorder = Recorder::new(context, timer);
         for pass in plan.passes.iter().map(|planned| planned.pass) {
             let host = on_cpu(pass);
-            let shadow_params = view::shadow(shadow.as_ref(), quality.pcf_taps);
+            let cameras = view::shadows(twins.shadows.cameras(), quality.pcf_taps);
             match pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
                 Pass::ShadowMaps if host => {
-                    shadow = recorder.host(pass, || twins.shadow_maps(&light, quality));
+                    recorder.host(pass, || twins.shadow_maps(&light, quality));
                     exchange.shadow_place = Place::Host;
                 }
                 Pass::ShadowMaps => {
-                    shadow = twins.shadow_camera(&light, quality);
-                    if let Some(fitted) = &shadow {
-                        let params = view::shadow(Some(fitted), quality.pcf_taps);
-                        let kernel = ready(&mut self.shadow_maps, context, ShadowMaps::new)?;
-                        kernel.run(&mut recorder, &mut self.scene, &params, &mut exchange.shadow_map)?;
-                        exchange.shadow_place = Place::Device;
-                    }
+                    twins.shadow_cameras(&light, quality);
+                    let count = twins.shadows.cameras().len();
+                    let cameras = view::shadows(twins.shadows.cameras(), quality.pcf_taps);
+                    let kernel = ready(&mut self.shadow_maps, context, ShadowMaps::new)?;
+                    let maps = &mut exchange.shadow_maps;
+                    kernel.run(&mut recorder, &mut self.scene, &cameras, count, maps)?;
+                    exchange.shadow_place = Place::Device;
                 }
                 Pass::ShadeObject if host => {
                     exchange.shadow_to_host(&mut recorder, twins)?;
                     recorder.host(pass, || {
-                        twins.shade_object(input, &camera, &light, shadow.as_ref(), quality);
+                        twins.shade_object(input, &camera, &light, quality);
                     });
                     exchange.object_place = Place::Host;
                 }
@@ -135,8 +134,8 @@ impl Relighter {
                     let frame = Frame {
                         view: &view_params,
                         light: &light_params,
-                        camera: &shadow_params,
-                        shadow_map: &exchange.shadow_to_device(&recorder, twins),
+                        cameras: &cameras,
+                        shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                     };
                     let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
                     let layer = &mut exchange.object_layer;
@@ -144,18 +143,16 @@ impl Relighter {
                     exchange.object_place = Place::Device;
                 }
                 Pass::ShadeSurface => {
-                    // Without a map nothing is shadowed, and there are no ratios.
-                    let Some(fitted) = &shadow else { continue };
                     if host {
                         exchange.shadow_to_host(&mut recorder, twins)?;
-                        recorder.host(pass, || twins.shade_surface(input, &camera, &light, fitted, quality));
+                        recorder.host(pass, || twins.shade_surface(input, &camera, &light, quality));
                         exchange.ratio_place = Place::Host;
                     } else {
                         let frame = Frame {
                             view: &view_params,
                             light: &light_params,
-                            camera: &shadow_params,
-                            shadow_map: &exchange.shadow_to_device(&recorder, twins),
+                            cameras: &cameras,
+                            shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                         };
                         let kernel = ready(&mut self.shade_surface, context, ShadeSurface::new)?;
                         kernel.run(&mut recorder, &mut self.scene, &frame, &mut exchange.ratios)?;

@@ -124,3 +124,131 @@ impl KeptTexture {
         })
     }
 }
+
+/// An array of square textures of one format: one layer for each hard light.
+pub struct KeptLayers {
+    label: &'static str,
+    format: wgpu::TextureFormat,
+    made: Option<Layers>,
+}
+
+struct Layers {
+    texture: wgpu::Texture,
+    all: wgpu::TextureView,
+    each: Vec<wgpu::TextureView>,
+}
+
+impl KeptLayers {
+    /// Something to draw to, layer by layer, that later passes or the host read.
+    pub const fn result(label: &'static str, format: wgpu::TextureFormat) -> Self {
+        Self { label, format, made: None }
+    }
+
+    /// Makes room for `count` layers of `side` texels a side; what they held is lost when these change.
+    pub fn sized(&mut self, context: &GpuContext, side: u32, count: u32) {
+        // The GL backend takes one layer for a plain texture, and six (or twelve..) square ones for a cube map.
+        let mut layers = count.max(2);
+        if layers.is_multiple_of(6) {
+            layers += 1;
+        }
+        let side = side.max(1);
+        let fits =
+            |made: &Layers| made.texture.width() == side && made.texture.depth_or_array_layers() >= layers;
+        if self.made.as_ref().is_some_and(fits) {
+            return;
+        }
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::COPY_DST;
+        let texture = context.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(self.label),
+            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: self.format,
+            usage,
+            view_formats: &[],
+        });
+        let all = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        let each = (0..layers).map(|layer| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2),
+                base_array_layer: layer,
+                array_layer_count: Some(1),
+                ..Default::default()
+            })
+        });
+        let each = each.collect();
+        self.made = Some(Layers { texture, all, each });
+    }
+
+    /// All layers (two of one texel where it was never sized), to bind.
+    pub fn bind(&mut self, context: &GpuContext) -> Option<Resource> {
+        if self.made.is_none() {
+            self.sized(context, 1, 2);
+        }
+        self.made.as_ref().map(|made| Resource::View(made.all.clone()))
+    }
+
+    /// One layer, to draw to, where there is such a layer.
+    pub fn layer(&self, layer: usize) -> Option<&wgpu::TextureView> {
+        self.made.as_ref().and_then(|made| made.each.get(layer))
+    }
+
+    /// Fills one layer from texels row by row, after `sized`.
+    pub fn upload(&mut self, context: &GpuContext, layer: u32, texels: &[u8]) {
+        let Some(made) = &self.made else { return };
+        let side = made.texture.width();
+        let row = side * self.format.block_copy_size(None).unwrap_or(1);
+        context.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                ..made.texture.as_image_copy()
+            },
+            texels,
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+            wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        );
+    }
+
+    /// All texels of one layer row by row; waits for the device.
+    pub fn download(
+        &mut self,
+        context: &GpuContext,
+        layer: u32,
+        pass: &'static str,
+    ) -> Result<Vec<u8>, EngineError> {
+        context.wait(pass)?;
+        let Some(made) = &self.made else { return Ok(Vec::new()) };
+        let side = made.texture.width();
+        let row = (side * self.format.block_copy_size(None).unwrap_or(1)) as usize;
+        let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
+        let bytes = padded * side as usize;
+        let mut readback = Readback::new(self.label);
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                ..made.texture.as_image_copy()
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: readback.at_least(context, whole_words(bytes) as usize),
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(padded as u32),
+                    rows_per_image: None,
+                },
+            },
+            wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        );
+        context.queue.submit([encoder.finish()]);
+        readback.read(context, pass, bytes, |bytes| {
+            bytes.chunks_exact(padded).flat_map(|padded| &padded[..row]).copied().collect()
+        })
+    }
+}

@@ -6,7 +6,7 @@ use super::{params, scene::Cut};
 use crate::{
     compose::{raster, shade_object},
     math::lens::{Distortion, Lens},
-    model::response::Response,
+    model::{light::MAX_HARD_LIGHTS, response::Response},
     visibility::shadow_maps,
 };
 
@@ -162,19 +162,31 @@ pub fn view(lens: &Lens, domain: &mut LensDomain, view: &raster::View, near_m: f
 
 /// The light; `exposure` multiplies the radiance of objects.
 pub fn light(light: &shade_object::LightTerms, exposure: f32) -> params::LightTerms {
+    let mut hard = [[[0.0; 4]; 2]; MAX_HARD_LIGHTS];
+    for (slot, light) in hard.iter_mut().zip(light.hard()) {
+        *slot = [rgb4(light.to_light_world), rgb4(light.irradiance_rgb)];
+    }
     params::LightTerms {
-        to_light: rgb4(light.to_light_world),
-        direct_rgb: rgb4(light.direct_rgb),
-        order: [light.order as u32, 0, 0, 0],
+        order_hard: [light.order as u32, light.hard().len() as u32, 0, 0],
         exposure: [exposure, 0.0, 0.0, 0.0],
         soft_rgb: light.soft_rgb.map(rgb4),
         global_rgb: light.global_rgb.map(rgb4),
         total_rgb: light.total_rgb.map(rgb4),
+        hard,
     }
 }
 
-/// The shadow map's camera; `None`: there is no map and everything is lit.
-pub fn shadow(camera: Option<&shadow_maps::ShadowCamera>, taps: u32) -> params::ShadowCamera {
+/// The shadow maps' cameras; none: everything is lit.
+pub fn shadows(cameras: &[Option<shadow_maps::ShadowCamera>], taps: u32) -> params::ShadowCameras {
+    let mut all: params::ShadowCameras = bytemuck::Zeroable::zeroed();
+    for (slot, camera) in all.cameras.iter_mut().zip(cameras) {
+        *slot = shadow(camera.as_ref(), taps);
+    }
+    all
+}
+
+/// A shadow map's camera; `None`: there is no map and everything is lit.
+fn shadow(camera: Option<&shadow_maps::ShadowCamera>, taps: u32) -> params::ShadowCamera {
     camera.map_or(bytemuck::Zeroable::zeroed(), |camera| params::ShadowCamera {
         column: camera.rows[0],
         row: camera.rows[1],

@@ -61,6 +61,11 @@ fn picture(pose: &Pose, lens: &Lens, ball: Option<&MirrorBall>, gain: f64) -> Rg
     Rgb8Image::from_pixels(width, height, pixels).unwrap()
 }
 
+/// The pictures here are averages of values.
+fn light() -> LinearLight {
+    LinearLight::new(&Response::new([std::array::from_fn(|z| (z as f32).max(0.5).ln()); 3]).unwrap())
+}
+
 fn equal_fill() -> Fill {
     let exposure = Exposure { time_s: 0.01, gain: 1.0 };
     Fill::new(&Response::srgb(), exposure, exposure)
@@ -77,7 +82,7 @@ fn warped(
     let (truth, source) =
         (picture(newest, lens, ball.as_ref(), 1.0), picture(older, lens, ball.as_ref(), 1.0));
     let mut out = Rgb8Image::default();
-    warp.apply(&source, &truth, &equal_fill(), &mut out);
+    warp.apply(&source, &truth, (&equal_fill(), &light()), &mut out);
     (truth, source, out)
 }
 
@@ -157,7 +162,7 @@ fn a_saturated_tap_saturates() {
     let mut source = Rgb8Image::filled(200, 152, [100, 90, 80]);
     *source.at_mut(90, 70) = [254, 90, 250];
     let mut out = Rgb8Image::default();
-    warp.apply(&source, &source, &equal_fill(), &mut out);
+    warp.apply(&source, &source, (&equal_fill(), &light()), &mut out);
     let red: Vec<u8> = out.pixels().iter().map(|p| p[0]).filter(|z| ![0, 100].contains(z)).collect();
     // Four pixels, sometimes a few more or less, have the bright one among their taps; none is an average.
     assert!((2..=9).contains(&red.len()) && red.iter().all(|&z| z == 255), "{red:?}");
@@ -178,7 +183,7 @@ fn what_the_older_frame_did_not_see_is_filled() {
     let mut out = Rgb8Image::default();
     let at = |time_s| Exposure { time_s, gain: 1.0 };
     let fill = Fill::new(&Response::srgb(), at(0.04), at(0.01));
-    warp.apply(&source, &now, &fill, &mut out);
+    warp.apply(&source, &now, (&fill, &light()), &mut out);
     assert_eq!(*out.at(0, 100), [0; 3]);
     // 255 in the newest, four times longer exposure: 1/4 of full scale is sRGB 137.
     assert_eq!(*out.at(0, 0), [137, 0, 255]);
@@ -201,7 +206,7 @@ fn a_camera_that_stands_still_needs_no_warp() {
     assert!(warp.aim(&away, &still()));
     let source = Rgb8Image::filled(200, 152, [60; 3]);
     let mut out = Rgb8Image::default();
-    warp.apply(&source, &Rgb8Image::filled(200, 152, [90; 3]), &equal_fill(), &mut out);
+    warp.apply(&source, &Rgb8Image::filled(200, 152, [90; 3]), (&equal_fill(), &light()), &mut out);
     assert!(out.pixels().iter().all(|p| *p == [0; 3]));
 }
 

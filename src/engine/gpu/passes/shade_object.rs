@@ -33,7 +33,7 @@ pub struct ShadeObject {
     four: Option<Pipelines>,
     view: GrowingBuffer,
     light: GrowingBuffer,
-    camera: GrowingBuffer,
+    cameras: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
     samples: KeptTexture,
@@ -48,7 +48,7 @@ impl ShadeObject {
             four: None,
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
-            camera: GrowingBuffer::uniform("shadow camera"),
+            cameras: GrowingBuffer::uniform("shadow cameras"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("object depth", wgpu::TextureFormat::Depth32Float),
             samples: KeptTexture::scratch("object samples", OBJECT_LAYER_FORMAT),
@@ -74,9 +74,9 @@ impl ShadeObject {
         let resources = [
             self.view.write(context, bytemuck::bytes_of(frame.view)),
             self.light.write(context, bytemuck::bytes_of(frame.light)),
-            self.camera.write(context, bytemuck::bytes_of(frame.camera)),
+            self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
             Resource::Window(scene.materials(context), size_of::<params::MaterialTerms>() as u64),
-            frame.shadow_map.clone(),
+            frame.shadow_maps.clone(),
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);
@@ -106,10 +106,10 @@ pub struct Frame<'a> {
     pub view: &'a params::View,
     /// The light.
     pub light: &'a params::LightTerms,
-    /// The shadow map's camera.
-    pub camera: &'a params::ShadowCamera,
-    /// The map.
-    pub shadow_map: &'a Resource,
+    /// The shadow maps' cameras.
+    pub cameras: &'a params::ShadowCameras,
+    /// The maps.
+    pub shadow_maps: &'a Resource,
 }
 
 fn pipelines(context: &GpuContext, built: &Built, samples: u32) -> Result<Pipelines, EngineError> {

@@ -27,7 +27,7 @@ pub struct ShadeSurface {
     pipeline: wgpu::RenderPipeline,
     view: GrowingBuffer,
     light: GrowingBuffer,
-    camera: GrowingBuffer,
+    cameras: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
 }
@@ -54,7 +54,7 @@ impl ShadeSurface {
             pipeline,
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
-            camera: GrowingBuffer::uniform("shadow camera"),
+            cameras: GrowingBuffer::uniform("shadow cameras"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("surface depth", wgpu::TextureFormat::Depth32Float),
         })
@@ -72,8 +72,8 @@ impl ShadeSurface {
         let resources = [
             self.view.write(context, bytemuck::bytes_of(frame.view)),
             self.light.write(context, bytemuck::bytes_of(frame.light)),
-            self.camera.write(context, bytemuck::bytes_of(frame.camera)),
-            frame.shadow_map.clone(),
+            self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
+            frame.shadow_maps.clone(),
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);

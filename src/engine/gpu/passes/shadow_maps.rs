@@ -7,11 +7,11 @@ use crate::{
             buffers::GrowingBuffer,
             context::GpuContext,
             exchange::SHADOW_MAP_FORMAT,
-            kernel::{BoundGroup, Built, Drawing},
+            kernel::{BoundGroup, Built, Drawing, Resource},
             kernels, params,
             recorder::{Recorder, Targets, cleared},
             scene::SceneBuffers,
-            textures::KeptTexture,
+            textures::{KeptLayers, KeptTexture},
         },
     },
     plan::Pass,
@@ -19,12 +19,15 @@ use crate::{
 };
 
 const PASS: Pass = Pass::ShadowMaps;
+/// Bytes from one camera to the next: the largest alignment that a device may ask for.
+const CAMERA_STRIDE: usize = 256;
 
 /// The kernel.
 pub struct ShadowMaps {
     built: Built,
     pipeline: wgpu::RenderPipeline,
-    camera: GrowingBuffer,
+    cameras: GrowingBuffer,
+    bytes: Vec<u8>,
     group: BoundGroup,
     depth: KeptTexture,
 }
@@ -49,32 +52,49 @@ impl ShadowMaps {
         Ok(Self {
             built,
             pipeline,
-            camera: GrowingBuffer::uniform("shadow camera"),
+            cameras: GrowingBuffer::uniform("shadow cameras"),
+            bytes: Vec::new(),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("shadow depth", wgpu::TextureFormat::Depth32Float),
         })
     }
 
-    /// Draws all objects of the scene into the map, which gets the camera's size.
+    /// Draws all objects of the scene into a layer for each of the first `count` cameras (those without a map are
+    /// skipped); the layers get the cameras' size.
     pub fn run(
         &mut self,
         recorder: &mut Recorder<'_>,
         scene: &mut SceneBuffers,
-        camera: &params::ShadowCamera,
-        map: &mut KeptTexture,
+        cameras: &params::ShadowCameras,
+        count: usize,
+        maps: &mut KeptLayers,
     ) -> Result<(), EngineError> {
         let context = recorder.context;
-        let side = camera.texels_taps[0];
-        let resources = [self.camera.write(context, bytemuck::bytes_of(camera))];
+        let cameras = &cameras.cameras[..count.min(cameras.cameras.len())];
+        let Some(side) = cameras.iter().map(|c| c.texels_taps[0]).find(|&side| side > 0) else {
+            return Ok(());
+        };
+        self.bytes.clear();
+        for camera in cameras {
+            self.bytes.extend_from_slice(bytemuck::bytes_of(camera));
+            self.bytes.resize(self.bytes.len().next_multiple_of(CAMERA_STRIDE), 0);
+        }
+        self.cameras.write(context, &self.bytes);
+        let window = self.cameras.at_least(context, self.bytes.len()).clone();
+        let resources = [Resource::Window(window, size_of::<params::ShadowCamera>() as u64)];
         let group = self.group.of(context, &self.built, &resources);
         let depth = self.depth.sized(context, side, side, 1);
-        let map = map.sized(context, side, side, 1);
+        maps.sized(context, side, count as u32);
         let empty = wgpu::Color { r: f64::from(EMPTY_DEPTH.to_bits()), ..wgpu::Color::TRANSPARENT };
-        let targets = Targets { color: cleared(map, None, empty), depth: Some((depth, EMPTY_DEPTH)) };
-        recorder.draw(PASS, targets, |pass| {
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, group, &[]);
-            scene.draw_casters(context, pass);
-        })
+        for (k, camera) in cameras.iter().enumerate() {
+            let Some(layer) = maps.layer(k).filter(|_| camera.texels_taps[0] > 0) else { continue };
+            let targets = Targets { color: cleared(layer, None, empty), depth: Some((depth, EMPTY_DEPTH)) };
+            recorder.draw(PASS, targets, |pass| {
+                pass.set_pipeline(&self.pipeline);
+                pass.set_bind_group(0, group, &[(k * CAMERA_STRIDE) as u32]);
+                scene.draw_casters(context, pass);
+            })?;
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,115 @@
+//! How the objects of a scene file move, and how many spheres stand for them.
+
+use super::walk::{Section, numbers};
+use crate::animate::walk::{MAX_TURN_DEG, MIN_SIDE_M, round_corners};
+use crate::assets::gltf::DEFAULT_SPHERES;
+use crate::model::animation::{
+    Attachment, Figure, FigurePart, Joint, Node, Playing, Skeleton, Transform, Walk,
+};
+use glam::{Affine3A, Vec2};
+
+/// What `[[object]]` says about movement.
+pub struct Movement {
+    /// A clip's name, and how it is played.
+    pub animation: Option<String>,
+    from_s: f64,
+    speed: f64,
+    /// Where it goes.
+    pub walk: Option<Walk>,
+    sphere_count: usize,
+}
+
+/// Reads the keys `animation`, `animation_speed`, `animation_start_s`, `path`, `path_speed_m_s` and `spheres`.
+pub fn movement(section: &Section<'_>) -> Movement {
+    let animation = section.text("animation").map(str::to_owned);
+    let speed = section.number("animation_speed", -100.0, 100.0);
+    let from_s = section.number("animation_start_s", -1e6, 1e6);
+    if animation.is_none() {
+        for (key, given) in [("animation_speed", speed.is_some()), ("animation_start_s", from_s.is_some())] {
+            if given {
+                section.refuse(key, "left out where there is no animation");
+            }
+        }
+    }
+    let legs = section.read(
+        "path",
+        &format!(
+            "at least 3 corners of two numbers, {MIN_SIDE_M} m or more apart, none of which turns by more than {MAX_TURN_DEG} degrees"
+        ),
+        |v| {
+            let corner = |p: &toml::Value| {
+                numbers(p).filter(|l| l.len() == 2).map(|l| Vec2::new(l[0] as f32, l[1] as f32))
+            };
+            let corners: Vec<Vec2> = v.as_array()?.iter().map(corner).collect::<Option<_>>()?;
+            round_corners(&corners)
+        },
+    );
+    let speed_m_s = section.number("path_speed_m_s", 0.0, 100.0);
+    if section.has("path") && !section.has("path_speed_m_s") {
+        section.refuse("path_speed_m_s", "given with path, metres a second");
+    }
+    if section.has("path_speed_m_s") && !section.has("path") {
+        section.refuse("path_speed_m_s", "left out where there is no path");
+    }
+    if section.has("path") && section.has("position") {
+        section.refuse("position", "left out where there is a path");
+    }
+    let walk = legs.zip(speed_m_s).map(|(legs, speed_m_s)| Walk { legs, speed_m_s });
+    let sphere_count = section.read("spheres", "a whole number within 4..=64", |v| {
+        usize::try_from(v.as_integer()?).ok().filter(|n| (4..=64).contains(n))
+    });
+    Movement {
+        animation,
+        from_s: from_s.unwrap_or(0.0),
+        speed: speed.unwrap_or(1.0),
+        walk,
+        sphere_count: sphere_count.unwrap_or(DEFAULT_SPHERES),
+    }
+}
+
+impl Movement {
+    /// The figure, playing what was asked for; a mistake where it does not have that clip.
+    pub fn figure(self, section: &Section<'_>, mut figure: Figure, name: String, place: Affine3A) -> Figure {
+        figure.name = name;
+        figure.world_from_figure = place;
+        figure.walk = self.walk;
+        figure.sphere_count = self.sphere_count;
+        if let Some(wanted) = self.animation {
+            match figure.clips.iter().position(|clip| clip.name == wanted) {
+                Some(clip) => {
+                    let (from_s, speed) = (self.from_s, self.speed);
+                    figure.playing = Some(Playing { clip, from_s, speed, looped: true });
+                }
+                None if figure.clips.is_empty() => {
+                    section.refuse("animation", "left out: the file has no animation");
+                }
+                None => {
+                    let names: Vec<String> = figure.clips.iter().map(|c| format!("{:?}", c.name)).collect();
+                    section.refuse("animation", format!("one of {}", names.join(", ")));
+                }
+            }
+        }
+        figure
+    }
+}
+
+/// A body that keeps its shape: one node, on which `objects` objects hang as they are.
+pub fn static_figure(objects: usize) -> Figure {
+    let node = Node { name: "body".into(), parent: None, rest: Transform::IDENTITY };
+    let part = |object| FigurePart { object, attachment: Attachment::Rigid { joint: 0 } };
+    Figure {
+        name: String::new(),
+        skeleton: Skeleton {
+            nodes: vec![node],
+            joints: vec![Joint { node: 0, node_from_bind: Affine3A::IDENTITY }],
+            figure_from_root: Affine3A::IDENTITY,
+        },
+        clips: Vec::new(),
+        parts: (0..objects).map(part).collect(),
+        world_from_figure: Affine3A::IDENTITY,
+        playing: None,
+        walk: None,
+        sphere_count: DEFAULT_SPHERES,
+        spheres: Vec::new(),
+    }
+}

@@ -1,0 +1,125 @@
+//! Measured light to the light that is shaded with: by any of the splits, over time.
+
+use super::compact::CompactSplit;
+use super::split::{SplitOptions, split};
+use crate::model::{
+    light::{Lights, RadianceSamples, RadianceSh},
+    quality::SplitKind,
+};
+
+/// How light is halved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HalveOptions {
+    /// By which split.
+    pub kind: SplitKind,
+    /// Hard lights at most, 1 to 64.
+    pub shadow_maps: usize,
+    /// Of the splits by net flux.
+    pub net_flux: SplitOptions,
+    /// Whether compact lights are looked for at z > 0 only: where everything stands on a surface.
+    pub above_horizon: bool,
+}
+
+/// Halves light, and follows compact lights over time.
+#[derive(Clone, Debug)]
+pub struct Halver {
+    options: HalveOptions,
+    compact: CompactSplit,
+    has_picture: bool,
+}
+
+impl Halver {
+    /// Nothing seen yet.
+    pub fn new(options: HalveOptions) -> Self {
+        Self { options, compact: CompactSplit::new(), has_picture: false }
+    }
+
+    /// Takes in the picture of the environment, if the split needs it: weighted directions (world frame), with weight
+    /// `alpha` against those before, `dt_s` after them.
+    pub fn see(&mut self, samples: &RadianceSamples, alpha: f64, dt_s: f64) {
+        if self.options.kind == SplitKind::Compact && !samples.directions.is_empty() {
+            self.compact.update(samples, alpha, dt_s, self.options.above_horizon);
+            self.has_picture = true;
+        }
+    }
+
+    /// Halves `total`, the light in SH, filtered as the pictures were. Both halves together are `total`. The compact
+    /// split of light of which no picture was seen is the bounded one.
+    pub fn halve(&mut self, total: &RadianceSh) -> Lights {
+        let by_net_flux = |bounded| split(total, &SplitOptions { bounded, ..self.options.net_flux }).into();
+        match self.options.kind {
+            SplitKind::Compact if self.has_picture => self.compact.lights(total, self.options.shadow_maps),
+            SplitKind::Compact | SplitKind::Bounded => by_net_flux(true),
+            SplitKind::Paper => by_net_flux(false),
+            SplitKind::Sh => Lights::soft(*total),
+        }
+    }
+}
+
+/// Halves the light of one picture.
+pub fn halve_still(samples: &RadianceSamples, total: &RadianceSh, options: HalveOptions) -> Lights {
+    let mut halver = Halver::new(options);
+    halver.see(samples, 1.0, 0.0);
+    halver.halve(total)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::project_sh::project_sh;
+    use glam::Vec3;
+    use std::f32::consts::PI;
+
+    /// A lamp of 3 degrees in a dim place.
+    fn lamp(to_light: Vec3) -> RadianceSamples {
+        let mut samples = RadianceSamples::default();
+        for k in 0..20_000 {
+            let z = 1.0 - (k as f32 + 0.5) / 10_000.0;
+            let (s, c) = (2.399_963_3 * k as f32).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let d = Vec3::new(r * c, r * s, z);
+            let bright = if d.angle_between(to_light) < 3f32.to_radians() { 300.0 } else { 0.1 };
+            samples.directions.push([d.x, d.y, d.z, 4.0 * PI / 20_000.0]);
+            samples.radiance.push([bright; 4]);
+        }
+        samples
+    }
+
+    fn options(kind: SplitKind) -> HalveOptions {
+        HalveOptions { kind, shadow_maps: 4, net_flux: SplitOptions::default(), above_horizon: false }
+    }
+
+    #[test]
+    fn every_split_keeps_the_flux_and_finds_the_lamp() {
+        let to_light = Vec3::new(0.3, -0.5, 0.8).normalize();
+        let samples = lamp(to_light);
+        let total = project_sh(&samples, 4);
+        for kind in [SplitKind::Compact, SplitKind::Paper, SplitKind::Bounded, SplitKind::Sh] {
+            let lights = halve_still(&samples, &total, options(kind));
+            if kind == SplitKind::Sh {
+                assert!(lights.hard.as_slice().is_empty() && lights.global == total);
+                continue;
+            }
+            let hard: f32 = lights.hard.as_slice().iter().map(|h| h.irradiance_rgb[0]).sum();
+            let whole = total.rgb[0][0] * (4.0 * PI).sqrt();
+            let soft = lights.global.rgb[0][0] * (4.0 * PI).sqrt();
+            // What a light of 3 degrees sheds is its flux but for the cosine: a thousandth.
+            assert!(((hard + soft) / whole - 1.0).abs() < 1e-3, "{kind:?}: {hard} + {soft} of {whole}");
+            assert!(hard > 0.4 * whole, "{kind:?}");
+            for h in lights.hard.as_slice() {
+                let off = Vec3::from(h.to_light_world).angle_between(to_light).to_degrees();
+                assert!(off < 3.0, "{kind:?}: {off} degrees: {h:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_picture_the_compact_split_is_bounded() {
+        let total = project_sh(&lamp(Vec3::Z), 4);
+        let mut halver = Halver::new(options(SplitKind::Compact));
+        let bounded = halve_still(&RadianceSamples::default(), &total, options(SplitKind::Bounded));
+        assert_eq!(halver.halve(&total), bounded);
+        halver.see(&RadianceSamples::default(), 1.0, 0.0);
+        assert_eq!(halver.halve(&total), bounded);
+    }
+}
