@@ -68,7 +68,7 @@ impl Default for Quality {
         Self {
             split: SplitKind::Compact,
             rung: Rung::Directions,
-            directions: 64,
+            directions: 128,
             soft_step_px: 4,
             shadow_maps: 8,
             sh_order: 4,
