@@ -1,5 +1,6 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
 
+mod blockers;
 mod frame;
 mod merge_bracket;
 mod opencv;
@@ -8,5 +9,6 @@ mod project_sh;
 fn main() {
     merge_bracket::run();
     project_sh::run();
+    blockers::run();
     frame::run();
 }
