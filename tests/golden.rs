@@ -293,7 +293,7 @@ const WHERE: [(&str, Option<&str>); 28] = [
     ("ff", None),
     ("fig3", None),
     ("guard", Some("tests/golden_blockers.rs")),
-    ("ladder", None),
+    ("ladder", Some("tests/golden_blockers.rs")),
     ("logzh", Some("tests/golden_blockers.rs")),
     ("overlap", Some("tests/golden_blockers.rs")),
     ("rule", None),

@@ -5,12 +5,17 @@
 mod golden;
 mod support;
 
+use glam::Vec3;
 use golden::{Entry, Precision, numbers};
 use halflight::math::sh::{
     MAX_COEFFICIENTS, basis,
     cap::{self, Cap},
     lanes::{Lane, LaneSh, add_zonal, guard, nothing, product},
     log_exp, soft_directions,
+};
+use halflight::{
+    model::blocker::{BlockerSphere, Rung},
+    visibility::blockers::Blockers,
 };
 
 /// Runs a function with the order as a constant.
@@ -139,13 +144,17 @@ fn dirs<T: Precision>(entry: &Entry) {
     let h = soft_directions::softness(count);
     let ramps: Vec<_> = caps::<T>(entry)
         .iter()
-        .map(|cap| soft_directions::Ramp::of_cap(cap, T::of(h), T::of((0.5 * h).sin())))
+        .map(|cap| {
+            let (r, c) = (Lane::splat(cap.sine_squared), Lane::splat(cap.cosine()));
+            let axis = cap.axis.map(Lane::splat);
+            soft_directions::Ramp::<T, 1>::of_cap(axis, r, c, T::of(h), T::of((0.5 * h).sin()))
+        })
         .collect();
     let mut v = vec![T::zero(); order * order];
     let mut y = [T::zero(); MAX_COEFFICIENTS];
     for j in 0..count {
         let direction = soft_directions::direction(j, count).map(T::of);
-        let open = ramps.iter().fold(T::one(), |open, ramp| open * ramp.at(direction));
+        let open = ramps.iter().fold(T::one(), |open, ramp| open * ramp.at(direction).0[0]);
         basis::evaluate(order, direction, &mut y);
         for (v, y) in v.iter_mut().zip(y) {
             *v += open * y * T::of(4.0 * std::f64::consts::PI / count as f64);
@@ -198,4 +207,153 @@ fn blockers_match_the_golden_numbers() {
         ],
         &[],
     );
+}
+
+/// Repeatable random numbers.
+struct Random(u64);
+
+impl Random {
+    /// In [0, 1).
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// With a variance of 1.
+    fn normal(&mut self) -> f64 {
+        (-2.0 * (1.0 - self.next()).ln()).sqrt() * (std::f64::consts::TAU * self.next()).cos()
+    }
+
+    /// Uniform on the upper half of the sphere.
+    fn upper(&mut self) -> [f64; 3] {
+        let (z, phi) = (self.next(), std::f64::consts::TAU * self.next());
+        let sine = (1.0 - z * z).sqrt();
+        [sine * phi.cos(), sine * phi.sin(), z]
+    }
+}
+
+/// The file's scenes: spheres at a distance of 1 m. `spread`: uniform on the upper hemisphere, 5 to 30 degrees;
+/// `clustered`: about a random axis, 5 to 25 degrees.
+fn scene(random: &mut Random, clustered: bool, count: usize) -> Vec<BlockerSphere> {
+    let axis = random.upper();
+    (0..count)
+        .map(|_| {
+            let mut centre = random.upper();
+            let mut most = 30.0;
+            if clustered {
+                most = 25.0;
+                centre = axis.map(|v| v + 0.45 * random.normal());
+                centre[2] = centre[2].abs();
+            }
+            let centre = glam::DVec3::from_array(centre).normalize().as_vec3();
+            let half_angle = (5.0 + (most - 5.0) * random.next()).to_radians();
+            BlockerSphere { centre_world: centre, radius_m: half_angle.sin() as f32, body: 0 }
+        })
+        .collect()
+}
+
+const TRUTH_DIRECTIONS: usize = 20_000;
+const SCENES: usize = 60;
+const COUNTS: [usize; 5] = [1, 2, 5, 10, 20];
+
+/// The rows of the ladder: a rung with its number of directions.
+const ROWS: [(Rung, usize); 8] = [
+    (Rung::Dc, 0),
+    (Rung::Linear, 0),
+    (Rung::Hybrid, 0),
+    (Rung::Squared, 0),
+    (Rung::Chain, 0),
+    (Rung::Directions, 64),
+    (Rung::Directions, 128),
+    (Rung::Directions, 256),
+];
+
+/// Mean relative L2 error of V of each row for each count of spheres, against a hard test of many directions.
+fn ladder(order: usize, clustered: bool) -> [[f64; 5]; 8] {
+    let mut y = [0.0; MAX_COEFFICIENTS];
+    let nodes: Vec<(Vec3, [f64; MAX_COEFFICIENTS])> = (0..TRUTH_DIRECTIONS)
+        .map(|j| {
+            let direction = soft_directions::direction(j, TRUTH_DIRECTIONS);
+            basis::evaluate(order, direction, &mut y);
+            (glam::DVec3::from_array(direction).as_vec3(), y)
+        })
+        .collect();
+    let mut errors = [[0.0; 5]; 8];
+    let mut random = Random(11);
+    let mut blockers = Blockers::new();
+    for (k, count) in COUNTS.into_iter().enumerate() {
+        for _ in 0..SCENES {
+            let spheres = scene(&mut random, clustered, count);
+            let caps: Vec<(Vec3, f32)> =
+                spheres.iter().map(|s| (s.centre_world, (1.0 - s.radius_m * s.radius_m).sqrt())).collect();
+            // 1 - B, so that the constant has no error.
+            let mut truth = [0.0; MAX_COEFFICIENTS];
+            truth[0] = (4.0 * std::f64::consts::PI).sqrt();
+            for (direction, y) in &nodes {
+                if caps.iter().any(|(axis, cosine)| axis.dot(*direction) > *cosine) {
+                    for (truth, y) in truth.iter_mut().zip(y).take(order * order) {
+                        *truth -= y * 4.0 * std::f64::consts::PI / TRUTH_DIRECTIONS as f64;
+                    }
+                }
+            }
+            let norm = truth.iter().map(|t| t * t).sum::<f64>().sqrt();
+            for (errors, (rung, directions)) in errors.iter_mut().zip(ROWS) {
+                blockers.prepare(&spheres, rung, order, directions);
+                let mut v = [0.0; MAX_COEFFICIENTS];
+                blockers.visibility(Vec3::ZERO, Vec3::Z, None, &mut v);
+                let off: f64 = v.iter().zip(truth).map(|(v, t)| (f64::from(*v) - t).powi(2)).sum();
+                errors[k] += off.sqrt() / norm / SCENES as f64;
+            }
+        }
+    }
+    errors
+}
+
+#[test]
+fn the_ladder_is_as_accurate_as_the_spec_says() {
+    let Some(shared) = support::shared("the_ladder_is_as_accurate_as_the_spec_says") else { return };
+    let file = golden::file(&shared);
+    let mut entries = 0;
+    for entry in file["entries"].as_array().into_iter().flatten() {
+        if entry["group"] != "ladder" {
+            continue;
+        }
+        entries += 1;
+        let id = entry["id"].as_str().unwrap();
+        let order = entry["inputs"]["order"].as_u64().unwrap() as usize;
+        let errors = ladder(order, id.ends_with("clustered"));
+        println!("{id}: mean relative L2 error of V for 1, 2, 5, 10, 20 spheres, {SCENES} scenes");
+        for ((rung, directions), row) in ROWS.iter().zip(errors) {
+            println!("  {} {directions}: {row:.4?}", rung.name());
+        }
+        let names = ["dc_product", "optimal_linear", "hybrid", "scaling_squaring_taylor2", "chain"];
+        for (row, name) in errors.iter().zip(names) {
+            for ((got, want), count) in row.iter().zip(numbers(&entry["expected"][name])).zip(COUNTS) {
+                // Other random numbers than the 60 scenes of the file, and a truth of 20000 directions (0.0005): the means
+                // scatter by a fifth. Dropping caps in caps makes ours a little better.
+                let most = 0.001 + 0.2 * want;
+                assert!((got - want).abs() < most, "{id} {name}, {count}: {got} instead of {want}");
+            }
+        }
+        // Soft directions, spec 7 at order 4; their error grows with the order and shrinks with N.
+        if id == "ladder.4.spread" {
+            let spec = [
+                [0.018, 0.023, 0.034, 0.047, 0.060],
+                [0.008, 0.011, 0.017, 0.022, 0.030],
+                [0.004, 0.005, 0.008, 0.012, 0.016],
+            ];
+            for (row, spec) in errors[5..].iter().zip(spec) {
+                for (got, want) in row.iter().zip(spec) {
+                    // Without the error of the constant ours is up to a third better at one sphere.
+                    let fair = 0.6 * want..1.1 * want;
+                    assert!(fair.contains(got), "{id}: {row:?} instead of {spec:?}");
+                }
+            }
+        }
+        for k in 0..5 {
+            assert!(errors[6][k] < errors[5][k] && errors[7][k] < errors[6][k], "{id}: more directions help");
+        }
+        assert!(errors[7][4] < errors[4][4], "{id}: with 20 spheres 256 directions beat the chain");
+    }
+    assert_eq!(entries, 4, "entries of group \"ladder\"");
 }

@@ -1,11 +1,14 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
 
+mod blockers;
 mod frame;
 mod merge_bracket;
+mod opencv;
 mod project_sh;
 
 fn main() {
     merge_bracket::run();
     project_sh::run();
+    blockers::run();
     frame::run();
 }

@@ -105,6 +105,17 @@ pub fn run() {
     );
     println!("  ours          {ours:8.3} ms (best {ours_best:.3}), one thread {single:.3} ms");
     println!("  plain f32 loop{naive:8.3} ms   ratio {:.1} (one thread {:.1})", naive / ours, naive / single);
+    match super::opencv::merge_debevec(&pictures, &times_s) {
+        Ok(theirs) => println!(
+            "  MergeDebevec  {:8.3} ms (best {:.3}; {})   ratio {:.1}, best against best {:.1}",
+            theirs.median_ms,
+            theirs.best_ms,
+            theirs.what,
+            theirs.median_ms / ours,
+            theirs.best_ms / ours_best
+        ),
+        Err(why) => println!("  MergeDebevec  SKIPPED: {why}"),
+    }
     println!(
         "  bytes         {:8.2} GB/s; memory copy {:.2} GB/s   ratio {:.2}",
         gigabytes_s(ours),

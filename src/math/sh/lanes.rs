@@ -3,7 +3,7 @@
 //! Every lane goes through the same operations in the same order whatever the width, so a batch of eight gives, bit
 //! for bit, what eight batches of one give. Only plain additions and multiplications: no fused ones.
 
-use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis, product};
+use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis, rings};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// One number of each of L receivers.
@@ -29,15 +29,19 @@ impl<T: Real, const L: usize> Lane<T, L> {
     /// A function of each lane's number.
     #[inline(always)]
     pub fn map(self, f: impl Fn(T) -> T) -> Self {
-        Self(self.0.map(f))
+        let mut out = self.0;
+        for a in &mut out {
+            *a = f(*a);
+        }
+        Self(out)
     }
 
     /// A function of each lane's two numbers.
     #[inline(always)]
     pub fn zip(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
         let mut out = self.0;
-        for (a, b) in out.iter_mut().zip(other.0) {
-            *a = f(*a, b);
+        for lane in 0..L {
+            out[lane] = f(out[lane], other.0[lane]);
         }
         Self(out)
     }
@@ -161,23 +165,34 @@ pub fn product<T: Real, const N: usize, const L: usize>(
     g: &LaneSh<T, L>,
     out: &mut LaneSh<T, L>,
 ) {
-    for out in out.iter_mut().take(N * N) {
-        *out = Lane::zero();
+    if L <= PRODUCT_LANES || L % PRODUCT_LANES != 0 {
+        return rings::product::<T, N, L>(f, g, out);
     }
-    for &product::Gamma { i, j, k, integral } in product::gamma(N) {
-        let weight = T::of(integral);
-        let mut add = |to: usize, a: usize, b: usize| {
-            let both = if a == b { f[a] * g[a] } else { f[a] * g[b] + f[b] * g[a] };
-            out[to] += both * weight;
-        };
-        add(k, i, j);
-        if j != k {
-            add(j, i, k);
-        }
-        if i != j {
-            add(i, j, k);
+    for first in (0..L).step_by(PRODUCT_LANES) {
+        let mut part = nothing::<T, PRODUCT_LANES>();
+        rings::product::<T, N, PRODUCT_LANES>(
+            &some::<T, N, L>(f, first),
+            &some::<T, N, L>(g, first),
+            &mut part,
+        );
+        for (out, part) in out.iter_mut().zip(&part).take(N * N) {
+            out.0[first..first + PRODUCT_LANES].copy_from_slice(&part.0);
         }
     }
+}
+
+/// Lanes that a product takes at once: of f32 one register of every processor in use. With eight there are too few
+/// registers for the rings: three times slower.
+const PRODUCT_LANES: usize = 4;
+
+/// `PRODUCT_LANES` lanes of some functions.
+#[inline(always)]
+fn some<T: Real, const N: usize, const L: usize>(f: &LaneSh<T, L>, first: usize) -> LaneSh<T, PRODUCT_LANES> {
+    let mut part = nothing::<T, PRODUCT_LANES>();
+    for (part, f) in part.iter_mut().zip(f).take(N * N) {
+        part.0.copy_from_slice(&f.0[first..first + PRODUCT_LANES]);
+    }
+    part
 }
 
 /// Takes each lane to what 0 <= V <= 1 allows: V_0 into [0, sqrt(4 pi)], then |V_{l>0}| to at most

@@ -7,9 +7,12 @@ pub mod lanes;
 pub mod log_exp;
 pub mod product;
 pub mod project;
+pub mod rings;
 pub mod rotate;
 pub mod soft_directions;
 pub mod zonal;
+
+use std::sync::OnceLock;
 
 /// Largest order supported; bands 0..=5.
 pub const MAX_ORDER: usize = 6;
@@ -30,6 +33,9 @@ pub trait Real:
 {
     /// The nearest number of this type.
     fn of(number: f64) -> Self;
+
+    /// The table of [`rings::product`] for an order, taken into 2..=6; made when first asked for.
+    fn rings(order: usize) -> &'static rings::Rings<Self>;
 }
 
 impl Real for f32 {
@@ -37,12 +43,28 @@ impl Real for f32 {
     fn of(number: f64) -> Self {
         number as Self
     }
+
+    #[inline]
+    fn rings(order: usize) -> &'static rings::Rings<Self> {
+        static TABLES: [OnceLock<rings::Rings<f32>>; MAX_ORDER - 1] =
+            [const { OnceLock::new() }; MAX_ORDER - 1];
+        let order = order.clamp(2, MAX_ORDER);
+        TABLES[order - 2].get_or_init(|| rings::Rings::new(order))
+    }
 }
 
 impl Real for f64 {
     #[inline(always)]
     fn of(number: f64) -> Self {
         number
+    }
+
+    #[inline]
+    fn rings(order: usize) -> &'static rings::Rings<Self> {
+        static TABLES: [OnceLock<rings::Rings<f64>>; MAX_ORDER - 1] =
+            [const { OnceLock::new() }; MAX_ORDER - 1];
+        let order = order.clamp(2, MAX_ORDER);
+        TABLES[order - 2].get_or_init(|| rings::Rings::new(order))
     }
 }
 

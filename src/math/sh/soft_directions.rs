@@ -1,6 +1,7 @@
 //! Visibility by soft tests of fixed directions (the rung `directions`): no logarithm, no product, no guard.
+//! L receivers side by side.
 
-use super::{Real, cap::Cap};
+use super::{Real, lanes::Lane};
 
 /// Direction j of N on the Fibonacci spiral: z = 1 - 2(j+1/2)/N, phi = pi (1 + sqrt 5)(j+1/2). Unit.
 pub fn direction(j: usize, count: usize) -> [f64; 3] {
@@ -16,32 +17,41 @@ pub fn softness(count: usize) -> f64 {
     0.7 * (4.0 * std::f64::consts::PI / count.max(1) as f64).sqrt()
 }
 
-/// One cap as a ramp of the cosine: v(w) = clamp(threshold - slope w.axis, 0, 1), which is
+/// One cap of each receiver as a ramp of the cosine: v(w) = clamp(threshold - slope w.axis, 0, 1), which is
 /// clamp((cos s - w.axis)/(h sin max(s, h/2)) + 1/2, 0, 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ramp<T> {
+pub struct Ramp<T, const L: usize> {
     /// slope times the axis.
-    pub scaled_axis: [T; 3],
+    pub scaled_axis: [Lane<T, L>; 3],
     /// Value at w.axis = 0.
-    pub threshold: T,
+    pub threshold: Lane<T, L>,
     /// 1/(h sin max(s, h/2)).
-    pub slope: T,
+    pub slope: Lane<T, L>,
 }
 
-impl<T: Real> Ramp<T> {
-    /// `softness` is h, `least_sine` sin(h/2).
+impl<T: Real, const L: usize> Ramp<T, L> {
+    /// Of caps about `axis`, R = sin^2 and `cosine` of their half angle s; `softness` is h, `least_sine` sin(h/2).
     #[inline(always)]
-    pub fn of_cap(cap: &Cap<T>, softness: T, least_sine: T) -> Self {
-        let slope = T::one() / (softness * cap.sine_squared.sqrt().max(least_sine));
-        Self { scaled_axis: cap.axis.map(|v| v * slope), threshold: cap.cosine() * slope + T::of(0.5), slope }
+    pub fn of_cap(
+        axis: [Lane<T, L>; 3],
+        sine_squared: Lane<T, L>,
+        cosine: Lane<T, L>,
+        softness: T,
+        least_sine: T,
+    ) -> Self {
+        let slope = sine_squared.sqrt().at_least(least_sine).map(|sine| T::one() / (softness * sine));
+        Self {
+            scaled_axis: axis.map(|v| v * slope),
+            threshold: cosine * slope + Lane::splat(T::of(0.5)),
+            slope,
+        }
     }
 
-    /// How much of a direction is seen, 0 to 1.
+    /// How much of a direction each receiver sees, 0 to 1.
     #[inline(always)]
-    pub fn at(&self, direction: [T; 3]) -> T {
+    pub fn at(&self, direction: [T; 3]) -> Lane<T, L> {
         let [x, y, z] = self.scaled_axis;
-        let open = self.threshold - (x * direction[0] + y * direction[1] + z * direction[2]);
-        let open = if open < T::one() { open } else { T::one() };
-        if open > T::zero() { open } else { T::zero() }
+        let along = x * direction[0] + y * direction[1] + z * direction[2];
+        (self.threshold - along).at_most(T::one()).at_least(T::zero())
     }
 }

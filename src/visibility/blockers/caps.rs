@@ -9,6 +9,12 @@ pub const MOST_TESTED: usize = 64;
 /// Below this 1 - cos(half angle) a cap changes nothing that an f32 can show.
 const SMALLEST: f32 = 1e-7;
 
+/// Squared distances, in square metres, below which a receiver stands at the centre, and from which a sphere is too far.
+const NEAR_FAR_M2: (f32, f32) = (1e-30, 1e30);
+
+/// How far cos(angle) may fall short of cos(s2 - s1): rounding, so that equal caps count as lying in each other.
+const TOUCHING: f32 = 5e-7;
+
 /// Points or directions of L receivers.
 pub type LaneVec<const L: usize> = [Lane<f32, L>; 3];
 
@@ -25,6 +31,16 @@ pub struct LaneCap<const L: usize> {
     pub q: Lane<f32, L>,
 }
 
+/// Side by side.
+pub fn lanes_of<const L: usize>(vectors: &[Vec3; L]) -> LaneVec<L> {
+    [Lane(vectors.map(|v| v.x)), Lane(vectors.map(|v| v.y)), Lane(vectors.map(|v| v.z))]
+}
+
+#[inline(always)]
+fn dot<const L: usize>(a: &LaneVec<L>, b: &LaneVec<L>) -> Lane<f32, L> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 impl<const L: usize> LaneCap<L> {
     /// Nothing hidden.
     pub fn nothing() -> Self {
@@ -37,40 +53,44 @@ impl<const L: usize> LaneCap<L> {
     /// the one about the normal.
     #[inline(always)]
     pub fn of_sphere(sphere: &BlockerSphere, points: &LaneVec<L>, normals: &LaneVec<L>) -> Option<Self> {
-        let radius = sphere.radius_m;
         let centre = sphere.centre_world.to_array();
-        let to: LaneVec<L> = std::array::from_fn(|k| Lane::splat(centre[k]) - points[k]);
-        let square = to[0] * to[0] + to[1] * to[1] + to[2] * to[2];
-        let height = to[0] * normals[0] + to[1] * normals[1] + to[2] * normals[2];
-        let apart: [bool; L] = square.0.map(|d2| d2 > f32::MIN_POSITIVE);
-        let near: [bool; L] = std::array::from_fn(|lane| {
-            (height.0[lane] > -radius || !apart[lane]) && square.0[lane] <= f32::MAX
-        });
-        let one = Lane::splat(1.0);
-        let inverse = square.or(apart, one).map(|d2| 1.0 / d2);
-        let root = inverse.sqrt();
-        let axis = std::array::from_fn(|k| (to[k] * root).or(apart, normals[k]));
-        let ratio = Lane::splat(radius) * root;
-        let sine_squared = (ratio * ratio).at_most(1.0).or(apart, one);
-        let cosine = (one - sine_squared).sqrt();
-        let q = sine_squared.zip(cosine, |r, c| r / (1.0 + c));
-        let counts: [bool; L] = std::array::from_fn(|lane| near[lane] && q.0[lane] > SMALLEST);
-        if !counts.contains(&true) {
+        let mut to = *points;
+        for (to, centre) in to.iter_mut().zip(centre) {
+            *to = Lane::splat(centre) - *to;
+        }
+        let horizon = -sphere.radius_m;
+        let radius = dot(&to, normals).map(|height| if height > horizon { -horizon } else { 0.0 });
+        if radius.0.iter().all(|radius| *radius == 0.0) {
             return None;
         }
-        let zero = Lane::zero();
-        Some(Self {
-            axis: axis.map(|v| v.or(counts, zero)),
-            sine_squared: sine_squared.or(counts, zero),
-            cosine: cosine.or(counts, one),
-            q: q.or(counts, zero),
-        })
+        let square = dot(&to, &to);
+        let (near, far) = NEAR_FAR_M2;
+        let inverse = square.map(|square| 1.0 / square.sqrt());
+        let mut axis = to.map(|v| v * inverse);
+        let mut ratio = radius * inverse;
+        if !square.0.iter().all(|square| *square > near && *square < far) {
+            for lane in 0..L {
+                if !(square.0[lane] > near && square.0[lane] < far) {
+                    ratio.0[lane] = if square.0[lane] <= near { 1.0 } else { 0.0 };
+                    for (axis, normal) in axis.iter_mut().zip(normals) {
+                        axis.0[lane] = normal.0[lane];
+                    }
+                }
+            }
+        }
+        let mut sine_squared = (ratio * ratio).at_most(1.0);
+        let mut cosine = sine_squared.map(|r| (1.0 - r).sqrt());
+        let mut q = sine_squared.zip(cosine, |r, c| r / (1.0 + c));
+        let mut any = false;
+        for lane in 0..L {
+            let counts = q.0[lane] > SMALLEST;
+            any |= counts;
+            q.0[lane] = if counts { q.0[lane] } else { 0.0 };
+            sine_squared.0[lane] = if counts { sine_squared.0[lane] } else { 0.0 };
+            cosine.0[lane] = if counts { cosine.0[lane] } else { 1.0 };
+        }
+        any.then_some(Self { axis, sine_squared, cosine, q })
     }
-}
-
-/// Side by side.
-pub fn lanes_of<const L: usize>(vectors: &[Vec3; L]) -> LaneVec<L> {
-    [Lane(vectors.map(|v| v.x)), Lane(vectors.map(|v| v.y)), Lane(vectors.map(|v| v.z))]
 }
 
 /// Hides nothing any more with caps that lie in another: angle between the axes + s1 <= s2. Of equal ones the first
@@ -80,18 +100,27 @@ pub fn drop_contained<const L: usize>(caps: &mut [LaneCap<L>]) {
     for (sine, cap) in sines.iter_mut().zip(caps.iter()) {
         *sine = cap.sine_squared.sqrt();
     }
-    let count = caps.len().min(MOST_TESTED);
-    for j in 1..count {
+    // Not below 0 where one lies in the other: cos(angle) - cos(s2 - s1).
+    let excess = |a: &LaneCap<L>, sine_a: &Lane<f32, L>, b: &LaneCap<L>, sine_b: &Lane<f32, L>| {
+        dot(&a.axis, &b.axis) + Lane::splat(TOUCHING) - (a.cosine * b.cosine + *sine_a * *sine_b)
+    };
+    for j in 1..caps.len().min(MOST_TESTED) {
         let (before, rest) = caps.split_at_mut(j);
-        let second = &mut rest[0];
+        let Some(second) = rest.first_mut() else { return };
+        let mut largest = Lane::splat(-1.0);
+        for (first, sine) in before.iter().zip(&sines) {
+            let excess = excess(first, sine, second, &sines[j]);
+            largest = largest.zip(excess, |a, b| if a > b { a } else { b });
+        }
+        // Hardly ever is one in another.
+        if largest.0.iter().all(|largest| *largest < 0.0) {
+            continue;
+        }
         for (first, sine) in before.iter_mut().zip(&sines) {
-            let [a, b] = [first.axis, second.axis];
-            let along = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            // cos(s2 - s1)
-            let needed = first.cosine * second.cosine + *sine * sines[j];
+            let excess = excess(first, sine, second, &sines[j]);
             for lane in 0..L {
-                let inside = along.0[lane] >= needed.0[lane];
                 let (q1, q2) = (first.q.0[lane], second.q.0[lane]);
+                let inside = excess.0[lane] >= 0.0;
                 first.q.0[lane] = if inside & (q1 < q2) { 0.0 } else { q1 };
                 second.q.0[lane] = if inside & (q1 >= q2) { 0.0 } else { q2 };
             }

@@ -1,60 +1,53 @@
-//! The rung `directions`: N fixed directions, each tested softly against every sphere (spec 7, DIR).
+//! The rung `directions`: N fixed directions, each tested softly against every sphere (spec 7, DIR), for L receivers
+//! side by side.
 //!
 //! Two small departures from the spec's sum (4 pi/N) sum_j v_j y(w_j): from each y_i, i > 0, its mean over the directions
-//! is taken, which N directions leave of what is zero over the sphere (up to 1e-2 at N = 32, order 6); so V is exact where
-//! nothing and where everything is blocked, and nothing pops when the last sphere goes. And it is summed as 1 - B.
+//! is taken, which N directions leave of what is zero over the sphere; so V is exact where nothing and where everything
+//! is blocked, and nothing pops when the last sphere goes. And it is summed as 1 - B.
 
+use super::caps::{LaneCap, LaneVec};
 use crate::{
     math::sh::{
         MAX_COEFFICIENTS, basis,
-        cap::Cap,
+        lanes::{Lane, LaneSh, nothing},
         log_exp::whole,
         soft_directions::{Ramp, direction, softness},
     },
     model::blocker::BlockerSphere,
 };
-use glam::Vec3;
+use std::ops::Range;
 
-/// Directions that go side by side.
-const BLOCK: usize = 8;
-/// Blocks at most.
-const BLOCKS: usize = 256 / BLOCK;
+/// Directions at most.
+const MOST: usize = 256;
 
 /// What depends on N and the order alone.
 #[derive(Clone, Debug, Default)]
 pub struct Directions {
-    count: usize,
     order: usize,
     softness: f32,
     least_sine: f32,
-    /// Directions in blocks: x, y, z. Beyond the last there are copies without weight.
-    blocks: Vec<[[f32; BLOCK]; 3]>,
-    /// `[i * blocks + block]`: (4 pi/N) (y_i(w_j) - mean of y_i over all j, for i > 0).
-    basis: Vec<[f32; BLOCK]>,
+    directions: Vec<[f32; 3]>,
+    /// `[j][i]`: (4 pi/N) (y_i(w_j) - mean of y_i over all j, for i > 0).
+    basis: Vec<[f32; MAX_COEFFICIENTS]>,
 }
 
-/// How much of each direction is open, for one receiver.
-pub struct Open {
-    /// v_j; only `blocks` of them have been written.
-    v: [[f32; BLOCK]; BLOCKS],
-    /// The blocks where a sphere may hide something.
-    touched: [bool; BLOCKS],
+/// How much of each direction is open to L receivers.
+pub struct Open<const L: usize> {
+    v: [Lane<f32, L>; MOST],
+    /// Elsewhere v is 1.
+    touched: Range<usize>,
 }
 
 impl Directions {
     /// For `count` directions (32 to 256) and an order; keeps what is there when both are as before.
     pub fn prepare(&mut self, count: usize, order: usize) {
-        if (self.count, self.order) == (count, order) {
+        let count = count.min(MOST);
+        if (self.directions.len(), self.order) == (count, order) {
             return;
         }
-        (self.count, self.order) = (count, order);
+        self.order = order;
         let h = softness(count);
         (self.softness, self.least_sine) = (h as f32, (0.5 * h).sin() as f32);
-        let blocks = count.div_ceil(BLOCK);
-        self.blocks.clear();
-        self.blocks.resize(blocks, [[0.0; BLOCK]; 3]);
-        self.basis.clear();
-        self.basis.resize(blocks * order * order, [0.0; BLOCK]);
         let solid_angle = 4.0 * std::f64::consts::PI / count as f64;
         let mut y = [0.0; MAX_COEFFICIENTS];
         let mut means = [0.0; MAX_COEFFICIENTS];
@@ -64,116 +57,111 @@ impl Directions {
                 *mean += y / count as f64;
             }
         }
-        for j in 0..blocks * BLOCK {
-            let (block, lane) = (j / BLOCK, j % BLOCK);
-            let d = direction(j.min(count - 1), count);
-            for (out, d) in self.blocks[block].iter_mut().zip(d) {
-                out[lane] = d as f32;
-            }
+        self.directions.clear();
+        self.basis.clear();
+        for j in 0..count {
+            let d = direction(j, count);
             basis::evaluate(order, d, &mut y);
-            for (i, (y, mean)) in y.iter().zip(means).enumerate().take(order * order) {
-                let weight = if j < count { solid_angle } else { 0.0 };
-                self.basis[i * blocks + block][lane] = (weight * (y - mean)) as f32;
-            }
+            self.directions.push(d.map(|v| v as f32));
+            self.basis.push(std::array::from_fn(|i| {
+                if i < order * order { (solid_angle * (y[i] - means[i])) as f32 } else { 0.0 }
+            }));
         }
     }
 
-    /// Blocks of directions.
-    pub fn blocks(&self) -> usize {
-        self.blocks.len()
+    /// The weights (4 pi/N) y_i(w_j), without their mean, of each direction.
+    pub fn basis(&self) -> &[[f32; MAX_COEFFICIENTS]] {
+        &self.basis
     }
 
-    /// The weights (4 pi/N) y_i(w_j), without their mean, of a coefficient, block by block.
-    pub fn basis(&self, coefficient: usize) -> &[[f32; BLOCK]] {
-        let blocks = self.blocks();
-        self.basis.get(coefficient * blocks..(coefficient + 1) * blocks).unwrap_or(&[])
-    }
-
-    /// Tests all directions of one receiver; `None` where no sphere hides anything.
+    /// Tests all directions that a sphere may hide; `None` where none hides anything.
     #[inline]
-    pub fn open(
+    pub fn open<'a, const L: usize>(
         &self,
-        spheres: &[BlockerSphere],
-        point: Vec3,
-        normal: Vec3,
-        body: Option<u32>,
-    ) -> Option<Open> {
-        let mut open = Open { v: [[1.0; BLOCK]; BLOCKS], touched: [false; BLOCKS] };
-        let mut any = false;
-        for sphere in spheres {
-            let to = sphere.centre_world - point;
-            // Negated, so that what is not a number does not count.
-            if Some(sphere.body) == body || !(to.dot(normal) > -sphere.radius_m || to == Vec3::ZERO) {
-                continue;
-            }
-            let Some(cap) = Cap::of_sphere(to.to_array(), sphere.radius_m, normal.to_array()) else {
-                continue;
-            };
-            let ramp = Ramp::of_cap(&cap, self.softness, self.least_sine);
-            // v < 1 where w.axis > reach.
-            let reach = (ramp.threshold - 1.0) / ramp.slope;
-            for block in self.reached(cap.axis[2], reach) {
-                any = true;
-                open.touched[block] = true;
-                let [xs, ys, zs] = &self.blocks[block];
-                for (lane, v) in open.v[block].iter_mut().enumerate() {
-                    *v *= ramp.at([xs[lane], ys[lane], zs[lane]]);
+        spheres: impl Iterator<Item = &'a BlockerSphere>,
+        points: &LaneVec<L>,
+        normals: &LaneVec<L>,
+    ) -> Option<Open<L>> {
+        let count = self.directions.len();
+        let mut open = Open { v: [Lane::splat(1.0); MOST], touched: count..0 };
+        for cap in spheres.filter_map(|sphere| LaneCap::of_sphere(sphere, points, normals)) {
+            let mut ramp =
+                Ramp::of_cap(cap.axis, cap.sine_squared, cap.cosine, self.softness, self.least_sine);
+            // Where a lane has no cap every direction is open: a cap of no extent would still have its ramp.
+            for lane in 0..L {
+                let hides = cap.q.0[lane] > 0.0;
+                ramp.threshold.0[lane] = if hides { ramp.threshold.0[lane] } else { 1.0 };
+                for axis in &mut ramp.scaled_axis {
+                    axis.0[lane] = if hides { axis.0[lane] } else { 0.0 };
                 }
             }
+            let range = self.reached(&ramp, &cap);
+            open.touched = open.touched.start.min(range.start)..open.touched.end.max(range.end);
+            let tested = open.v.get_mut(range.clone()).into_iter().flatten();
+            for (v, direction) in tested.zip(self.directions.get(range).into_iter().flatten()) {
+                *v = *v * ramp.at(*direction);
+            }
         }
-        any.then_some(open)
+        (open.touched.start < open.touched.end).then_some(open)
     }
 
-    /// The blocks with directions within a cone about an axis of height `axis_z`; `reach` is the cosine of its half
-    /// angle. Directions run down in z in equal steps.
+    /// The directions that a ramp may hide from some lane: v < 1 where w.axis > (threshold - 1)/slope. They run down in z
+    /// in equal steps.
+    #[inline(always)]
+    fn reached<const L: usize>(&self, ramp: &Ramp<f32, L>, cap: &LaneCap<L>) -> Range<usize> {
+        let (mut highest, mut lowest) = (-1.0f32, 1.0f32);
+        let one = Lane::splat(1.0);
+        let cosine = (ramp.threshold - one).zip(ramp.slope, |a, b| a / b).at_least(-1.0).at_most(1.0);
+        let z = cap.axis[2];
+        let sines = ((one - z * z) * (one - cosine * cosine)).at_least(0.0).sqrt();
+        for lane in 0..L {
+            if cap.q.0[lane] > 0.0 {
+                let (z, cosine, sines) = (z.0[lane], cosine.0[lane], sines.0[lane]);
+                let top = if z >= cosine { 1.0 } else { z * cosine + sines };
+                let bottom = if z <= -cosine { -1.0 } else { z * cosine - sines };
+                highest = if top > highest { top } else { highest };
+                lowest = if bottom < lowest { bottom } else { lowest };
+            }
+        }
+        // z_j = 1 - (2j+1)/N; two more on either side for rounding.
+        let count = self.directions.len();
+        let half = 0.5 * count as f32;
+        let first = ((1.0 - highest) * half - 2.0).max(0.0) as usize;
+        let last = ((1.0 - lowest) * half + 2.0).max(0.0) as usize;
+        first.min(count)..(last + 1).min(count)
+    }
+
+    /// V of L receivers.
     #[inline]
-    fn reached(&self, axis_z: f32, reach: f32) -> std::ops::Range<usize> {
-        let cosine = reach.clamp(-1.0, 1.0);
-        let sines = ((1.0 - axis_z * axis_z).max(0.0) * (1.0 - cosine * cosine)).sqrt();
-        let top = if axis_z >= cosine { 1.0 } else { axis_z * cosine + sines };
-        let bottom = if axis_z <= -cosine { -1.0 } else { axis_z * cosine - sines };
-        // z_j = 1 - (2j+1)/N; one more on either side for rounding.
-        let half = 0.5 * self.count as f32;
-        let first = ((1.0 - top) * half - 2.0).max(0.0) as usize;
-        let last = ((1.0 - bottom) * half + 2.0).max(0.0) as usize;
-        let blocks = self.blocks();
-        (first / BLOCK).min(blocks)..(last / BLOCK + 1).min(blocks)
-    }
-
-    /// V at one receiver.
-    pub fn visibility(
+    pub fn visibility<'a, const N: usize, const L: usize>(
         &self,
-        spheres: &[BlockerSphere],
-        order: usize,
-        point: Vec3,
-        normal: Vec3,
-        body: Option<u32>,
-        out: &mut [f32; 36],
-    ) {
-        out.fill(0.0);
-        out[0] = whole();
-        let Some(open) = self.open(spheres, point, normal, body) else { return };
-        for (i, out) in out.iter_mut().enumerate().take(order * order) {
-            *out -= open.blocked(self.basis(i));
+        spheres: impl Iterator<Item = &'a BlockerSphere>,
+        points: &LaneVec<L>,
+        normals: &LaneVec<L>,
+    ) -> LaneSh<f32, L> {
+        let mut v = nothing();
+        if let Some(open) = self.open(spheres, points, normals) {
+            open.add_blocked(&self.basis, N * N, &mut v);
         }
-        out[0] = out[0].max(0.0);
+        for v in &mut v[..N * N] {
+            *v = -*v;
+        }
+        v[0] = (v[0] + Lane::splat(whole())).at_least(0.0);
+        v
     }
 }
 
-impl Open {
-    /// sum_j (1 - v_j) weight_j over blocks of weights, in a fixed order.
-    #[inline]
-    pub fn blocked(&self, weights: &[[f32; BLOCK]]) -> f32 {
-        let mut sums = [0.0; BLOCK];
-        for ((v, weights), touched) in self.v.iter().zip(weights).zip(&self.touched) {
-            if !touched {
-                continue;
-            }
-            for ((sum, v), weight) in sums.iter_mut().zip(v).zip(weights) {
-                *sum += (1.0 - v) * weight;
+impl<const L: usize> Open<L> {
+    /// Adds sum_j (1 - v_j) weights_j, direction after direction, to `count` sums.
+    #[inline(always)]
+    pub fn add_blocked<const W: usize>(&self, weights: &[[f32; W]], count: usize, sums: &mut [Lane<f32, L>]) {
+        let range = self.touched.clone();
+        let tested = self.v.get(range.clone()).into_iter().flatten();
+        for (v, weights) in tested.zip(weights.get(range).into_iter().flatten()) {
+            let blocked = Lane::splat(1.0) - *v;
+            for (sum, weight) in sums.iter_mut().zip(weights).take(count) {
+                *sum += blocked * *weight;
             }
         }
-        let [a, b, c, d, e, f, g, h] = sums;
-        ((a + e) + (c + g)) + ((b + f) + (d + h))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     Blockers,
-    caps::{LaneCap, MOST_TESTED, drop_contained, lanes_of},
+    caps::{LaneCap, LaneVec, MOST_TESTED, drop_contained},
 };
 use crate::{
     math::sh::{
@@ -12,21 +12,21 @@ use crate::{
     },
     model::blocker::Rung,
 };
-use glam::Vec3;
 
 /// V of L receivers; N is the order.
 pub fn visibility<const N: usize, const L: usize>(
     blockers: &Blockers,
-    points: &[Vec3; L],
-    normals: &[Vec3; L],
+    points: &LaneVec<L>,
+    normals: &LaneVec<L>,
     body: Option<u32>,
 ) -> LaneSh<f32, L> {
-    let (points, normals) = (lanes_of(points), lanes_of(normals));
+    if blockers.rung == Rung::Directions {
+        return blockers.directions.visibility::<N, L>(blockers.others(body), points, normals);
+    }
     let mut product_of = Product::<N, L>::new(blockers);
     let mut caps = [LaneCap::nothing(); MOST_TESTED];
     let mut kept = 0;
-    let others = blockers.spheres.iter().filter(|sphere| Some(sphere.body) != body);
-    for cap in others.filter_map(|sphere| LaneCap::of_sphere(sphere, &points, &normals)) {
+    for cap in blockers.others(body).filter_map(|sphere| LaneCap::of_sphere(sphere, points, normals)) {
         if kept < MOST_TESTED {
             caps[kept] = cap;
             kept += 1;

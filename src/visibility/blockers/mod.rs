@@ -21,6 +21,7 @@ use crate::{
     },
     model::blocker::{BlockerSphere, Rung},
 };
+use caps::lanes_of;
 use directions::Directions;
 use glam::Vec3;
 
@@ -106,9 +107,6 @@ impl Blockers {
     ///
     /// V_0 is in [0, sqrt(4 pi)] and |V_{l>0}| <= sqrt(sqrt(4 pi) V_0 - V_0^2) up to rounding, whatever the spheres.
     pub fn visibility(&self, point_world: Vec3, normal: Vec3, body: Option<u32>, out: &mut [f32; 36]) {
-        if self.rung == Rung::Directions {
-            return self.directions.visibility(&self.spheres, self.order, point_world, normal, body, out);
-        }
         let v = self.lanes::<1>(&[point_world], &[normal], body);
         for (i, (out, v)) in out.iter_mut().zip(v).enumerate() {
             *out = if i < self.order * self.order { v.0[0] } else { 0.0 };
@@ -128,13 +126,6 @@ impl Blockers {
         let count = points_world.len().min(normals.len());
         for first in (0..count).step_by(LANES) {
             let size = (count - first).min(LANES);
-            if self.rung == Rung::Directions {
-                for i in first..first + size {
-                    self.visibility(points_world[i], normals[i], body, &mut one);
-                    visit(i, &one);
-                }
-                continue;
-            }
             // The last one stands in for those that are missing.
             let of = |lane: usize| first + lane.min(size - 1);
             let points: [Vec3; LANES] = std::array::from_fn(|lane| points_world[of(lane)]);
@@ -164,13 +155,19 @@ impl Blockers {
         (gather(self.order, transfer, &v), unblocked(transfer))
     }
 
-    /// V of L receivers on one of the rungs that multiply.
+    /// The spheres that are not of a body.
+    fn others(&self, body: Option<u32>) -> impl Iterator<Item = &BlockerSphere> {
+        self.spheres.iter().filter(move |sphere| Some(sphere.body) != body)
+    }
+
+    /// V of L receivers.
     fn lanes<const L: usize>(
         &self,
         points: &[Vec3; L],
         normals: &[Vec3; L],
         body: Option<u32>,
     ) -> LaneSh<f32, L> {
+        let (points, normals) = (&lanes_of(points), &lanes_of(normals));
         match self.order {
             2 => ladder::visibility::<2, L>(self, points, normals, body),
             3 => ladder::visibility::<3, L>(self, points, normals, body),

@@ -207,13 +207,13 @@ fn directions_do_not_pop() {
 #[test]
 fn settings_are_taken_into_their_ranges() {
     let blockers = of(&[sphere([0.0, 0.0, 1.0], 0.5)], Rung::Directions, 99, 100_000);
-    assert_eq!((blockers.order(), blockers.directions.blocks()), (6, 32));
+    assert_eq!((blockers.order(), blockers.directions.basis().len()), (6, 256));
     let blockers = of(&[], Rung::Directions, 0, 0);
-    assert_eq!((blockers.order(), blockers.directions.blocks()), (2, 4));
+    assert_eq!((blockers.order(), blockers.directions.basis().len()), (2, 32));
     assert_eq!(blockers.rung(), Rung::Directions);
-    // The weights of N directions sum to the sphere, also where N is not a multiple of a block.
+    // The weights of N directions sum to the sphere, for any N.
     let blockers = of(&[], Rung::Directions, 3, 61);
-    let sum: f32 = blockers.directions.basis(0).iter().flatten().sum();
+    let sum: f32 = blockers.directions.basis().iter().map(|row| row[0]).sum();
     let mut y = [0.0; 36];
     basis::evaluate(1, [0.0, 0.0, 1.0], &mut y);
     assert!((sum - 4.0 * PI * y[0]).abs() < 1e-5);
