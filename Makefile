@@ -49,4 +49,4 @@ bench: tools-gpu tools-build
 lint:
 	cargo fmt --check
 	cargo clippy --locked --all-targets -- -D warnings
-	@if command -v cargo-deny >/dev/null; then cargo deny check licenses bans; else echo "SKIPPED cargo deny: not installed"; fi
+	@if command -v cargo-deny >/dev/null; then cargo deny --locked check licenses bans sources; else echo "SKIPPED cargo deny: not installed"; fi

@@ -109,7 +109,11 @@ fn f4_shadow_of_the_sun() {
         assert!((area / true_area - 1.0f32).abs() < 0.02, "{id}: {area} of {true_area} px");
         // Without a sun nothing that has to do with it is run.
         let passes: Vec<Pass> = sky.drawn.plan.passes.iter().map(|p| p.pass).collect();
-        assert_eq!(passes, [Pass::ShadeObject, Pass::Composite, Pass::Tonemap]);
+        // The ball has a sphere that blocks soft light.
+        assert_eq!(
+            passes,
+            [Pass::SoftShadow, Pass::ShadeObject, Pass::ShadeSurface, Pass::Composite, Pass::Tonemap]
+        );
         assert!(sky.still.light.hard.as_slice().is_empty());
         for mask in &sun.comparison.masks {
             assert!((mask.mean_ratio - 1.0).abs() < 0.02, "{id} {}: {}", mask.name, mask.mean_ratio);

@@ -143,6 +143,7 @@ impl Frame {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            posed: None,
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
             t: Timestamp(0),

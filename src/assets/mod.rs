@@ -12,3 +12,4 @@ pub mod response;
 pub mod scene;
 pub mod shapes;
 pub mod spheres;
+pub mod walker;

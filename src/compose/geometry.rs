@@ -4,6 +4,7 @@
 use crate::math::sh::{MAX_ORDER, zonal};
 use crate::model::scene::{Material, Mesh, RealSurface, Scene};
 use glam::{Mat3, Vec3};
+use std::ops::Range;
 
 /// What of a material the shading reads. One row of a table on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +67,8 @@ pub struct ObjectGeometry {
     pub material_of_triangle: Vec<u32>,
     /// One an object.
     pub materials: Vec<MaterialTerms>,
+    /// For each object its vertices and its triangles, as ranges of the lists above.
+    pub ranges: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl ObjectGeometry {
@@ -80,6 +83,7 @@ impl ObjectGeometry {
         self.facet_normals.clear();
         self.material_of_triangle.clear();
         self.materials.clear();
+        self.ranges.clear();
         for object in &scene.objects {
             let base = self.positions.len() as u32;
             let mesh = &object.mesh;
@@ -113,6 +117,34 @@ impl ObjectGeometry {
             );
             self.material_of_triangle.resize(self.triangles.len(), material);
             fill_normals(&self.triangles[first..], &self.facet_normals[first..], &mut self.normals);
+            self.ranges.push((base as usize..self.positions.len(), first..self.triangles.len()));
+        }
+    }
+
+    /// Moves the vertices of object `index` (world frame; lists of the object's own length, else nothing happens).
+    pub fn pose(&mut self, index: usize, positions_world: &[Vec3], normals_world: &[Vec3]) {
+        let Some((vertices, triangles)) = self.ranges.get(index).cloned() else { return };
+        if positions_world.len() != vertices.len() {
+            return;
+        }
+        self.positions[vertices.clone()].copy_from_slice(positions_world);
+        let sound = |n: &Vec3| n.is_finite() && n.length_squared() > 0.25;
+        if normals_world.len() == vertices.len() {
+            for (slot, normal) in self.normals[vertices].iter_mut().zip(normals_world) {
+                // A normal that has collapsed stays as it was.
+                if sound(normal) {
+                    *slot = *normal;
+                }
+            }
+        }
+        for (triangle, facet) in
+            self.triangles[triangles.clone()].iter().zip(&mut self.facet_normals[triangles])
+        {
+            let [p, q, r] = triangle.map(|i| self.positions[i as usize]);
+            let normal = (q - p).cross(r - p).normalize_or_zero();
+            if sound(&normal) {
+                *facet = normal;
+            }
         }
     }
 }

@@ -5,4 +5,5 @@ pub mod geometry;
 pub mod raster;
 pub mod shade_object;
 pub mod shade_surface;
+pub mod soft_shadow;
 pub mod tonemap;

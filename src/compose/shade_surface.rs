@@ -11,13 +11,13 @@ use std::f32::consts::PI;
 pub const TINY_IRRADIANCE: f32 = 1e-12;
 
 /// Ratio of shadowed to unshadowed irradiance for each channel, within [0, 1]: `blocked` (not negative) is what
-/// virtual objects take of the hard lights' irradiance on the normal, E_g the soft half's, clamped at 0:
+/// virtual objects take of the irradiance on the normal, E_g the soft half's, clamped at 0:
 /// `1 - blocked / (sum of E_k max(0, n.w_k) + E_g(n))`; 1 where no light falls.
 pub fn ratio(light: &LightTerms, normal: Vec3, blocked_rgb: [f32; 3]) -> [f32; 3] {
     let (hard, soft) = (unshadowed(light, normal), soft_over_pi(light, normal));
     std::array::from_fn(|c| {
         let all = hard[c] + (PI * soft[c]).max(0.0);
-        if all > TINY_IRRADIANCE { (1.0 - blocked_rgb[c] / all).max(0.0) } else { 1.0 }
+        if all > TINY_IRRADIANCE { (1.0 - blocked_rgb[c] / all).clamp(0.0, 1.0) } else { 1.0 }
     })
 }
 
@@ -32,10 +32,16 @@ pub struct SurfaceFrame<'a> {
 }
 
 /// The ratio at a point of a receiving surface (world frame); `normal` and `facet_normal` are unit, on the seen
-/// side. A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
+/// side; `soft_taken` is what the soft half loses there (irradiance / pi). A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
 /// nothing can be taken from it.
-pub fn at(frame: &SurfaceFrame<'_>, point_world: Vec3, normal: Vec3, facet_normal: Vec3) -> [f32; 3] {
-    let mut blocked = [0.0f32; 3];
+pub fn at(
+    frame: &SurfaceFrame<'_>,
+    point_world: Vec3,
+    normal: Vec3,
+    facet_normal: Vec3,
+    soft_taken: [f32; 3],
+) -> [f32; 3] {
+    let mut blocked = soft_taken.map(|t| (PI * t).max(0.0));
     for (k, hard) in frame.light.hard().iter().enumerate() {
         let to_light = Vec3::from(hard.to_light_world);
         let cosine = normal.dot(to_light);

@@ -1,7 +1,7 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
-use crate::model::quality::SplitKind;
+use crate::model::{blocker::Rung, quality::SplitKind};
 use toml::Value;
 
 /// What a key may hold.
@@ -91,6 +91,7 @@ const KERNELS: &[&str] = &[
     "light/unwrap_ball",
     "light/project_sh",
     "visibility/shadow_maps",
+    "compose/soft_shadow",
     "compose/shade_object",
     "compose/shade_surface",
     "compose/composite",
@@ -309,6 +310,30 @@ pub const KEYS: &[Key] = &[
         "The light is measured on every n-th frame.",
         |s| Value::Integer(i64::from(s.quality.light_every)),
         |s, v| s.quality.light_every = integer(v) as u32
+    ),
+    key!(
+        "quality.rung",
+        "",
+        Range::Choice(&["dc", "linear", "hybrid", "squared", "chain", "directions"]),
+        "How the visibility of many spheres is put together where virtual bodies block soft light, cheapest first; directions is the only one that overlapping spheres cannot harm.",
+        |s| word(s.quality.rung.name()),
+        |s, v| s.quality.rung = Rung::parse(&text(v)).unwrap_or(Rung::Directions)
+    ),
+    key!(
+        "quality.directions",
+        "directions",
+        Range::Integer(32, 256),
+        "How many directions the rung `directions` tests.",
+        |s| Value::Integer(s.quality.directions as i64),
+        |s, v| s.quality.directions = integer(v) as usize
+    ),
+    key!(
+        "quality.soft_step_px",
+        "px",
+        Range::IntegerChoice(&[1, 2, 4]),
+        "Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row, and carried up along the surface.",
+        |s| Value::Integer(i64::from(s.quality.soft_step_px)),
+        |s, v| s.quality.soft_step_px = integer(v) as u32
     ),
     key!(
         "quality.shadow_maps",

@@ -1,12 +1,18 @@
 //! The CPU twins in order: the readable description of one frame.
 
+mod fragments;
+
+pub(super) use fragments::coarse_lens;
+
 use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
+use crate::animate::posed::Posed;
 use crate::compose::{
     composite,
     geometry::{ObjectGeometry, SurfaceGeometry},
     raster::{self, Fragment, Projected, Rays, Sample, View},
-    shade_object::{self, LightTerms, ObjectPoint},
+    shade_object::{self, LightTerms},
     shade_surface::{self, SurfaceFrame},
+    soft_shadow::{self, Planes, Transfer},
     tonemap::ToneTable,
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
@@ -20,7 +26,8 @@ use crate::model::{
     scene::Scene,
 };
 use crate::plan::{FramePlan, Pass, PassTiming};
-use crate::visibility::shadow_maps::ShadowMaps;
+use crate::visibility::{blockers::Blockers, shadow_maps::ShadowMaps};
+use fragments::{object_point, surface_normals};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -46,6 +53,13 @@ pub(super) struct Work {
     seen_surfaces: Projected,
     samples: Vec<Sample>,
     pub(super) shadows: ShadowMaps,
+    pub(super) blockers: Blockers,
+    pub(super) transfer: Transfer,
+    planes: Planes,
+    coarse_rays: Rays,
+    coarse_surfaces: Projected,
+    /// What is taken of the soft light (r, g, b) and the inverse depth (a).
+    pub(super) soft: Image<[f32; 4]>,
     pub(super) object_layer: Image<[f32; 4]>,
     pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
@@ -202,6 +216,9 @@ pub(super) fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), En
     if !(1..=8).contains(&quality.pcf_taps) {
         return refuse(format!("quality.pcf_taps = {}: must be within 1..=8", quality.pcf_taps));
     }
+    if ![1, 2, 4].contains(&quality.soft_step_px) {
+        return refuse(format!("quality.soft_step_px = {}: must be 1, 2 or 4", quality.soft_step_px));
+    }
     if ![1, 4].contains(&quality.coverage_samples) {
         return refuse(format!("quality.coverage_samples = {}: must be 1 or 4", quality.coverage_samples));
     }
@@ -212,6 +229,65 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
+        self.planes.find(&self.surfaces);
+    }
+
+    /// Moves what has moved. Whether anything had.
+    pub(super) fn pose(&mut self, input: &RelightInput<'_>) -> bool {
+        let mut moved = false;
+        let objects = input.posed.map_or(&[][..], Posed::objects);
+        for (index, object) in objects.iter().enumerate().filter(|(_, o)| o.moved) {
+            self.objects.pose(index, &object.positions_world, &object.normals_world);
+            moved = true;
+        }
+        moved
+    }
+
+    /// Takes over the spheres and the light of a frame.
+    pub(super) fn prepare_blockers(
+        &mut self,
+        input: &RelightInput<'_>,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
+        self.transfer.update(light);
+        let spheres = input.posed.map_or(&[][..], Posed::spheres);
+        self.blockers.prepare(spheres, quality.rung, light.order, quality.directions);
+        self.planes.prepare(&self.blockers, &self.transfer);
+        self.coarse_rays.update(&coarse_lens(input.lens, quality.soft_step_px), 1);
+    }
+
+    pub(super) fn soft_shadow(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
+        self.prepare_blockers(input, light, quality);
+        let surfaces = &self.surfaces;
+        self.coarse_surfaces.prepare(&self.coarse_rays, view, &surfaces.positions, &surfaces.triangles);
+        let (blockers, transfer, planes) = (&self.blockers, &self.transfer, &self.planes);
+        let forward = view.world_from_camera.z_axis;
+        let shade = |fragment: &Fragment| {
+            let inverse_depth = 1.0 / forward.dot(fragment.point_world - view.eye);
+            if !surfaces.receives[fragment.triangle] {
+                return [0.0, 0.0, 0.0, inverse_depth];
+            }
+            let (normal, _) = surface_normals(surfaces, fragment);
+            let plane = planes.of(fragment.triangle, normal);
+            let [r, g, b] = soft_shadow::taken(blockers, transfer, plane, fragment.point_world, normal);
+            [r, g, b, inverse_depth]
+        };
+        raster::draw_surfaces(
+            &self.coarse_rays,
+            view,
+            &self.coarse_surfaces,
+            [0.0; 4],
+            shade,
+            &mut self.samples,
+            &mut self.soft,
+        );
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
@@ -226,13 +302,18 @@ impl Work {
         let light = LightTerms::of(input.light);
         let view = View::of(input.world_from_camera);
         self.shadows.clear();
-        let (mut objects_drawn, mut ratio_drawn) = (false, false);
+        let (mut objects_drawn, mut ratio_drawn, mut soft_drawn) = (false, false, false);
+        self.pose(input);
         out.t = input.t;
         for planned in &plan.passes {
             match planned.pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
                 Pass::ShadowMaps => {
                     timed(timings, planned.pass, || self.shadow_maps(&light, &plan.quality));
+                }
+                Pass::SoftShadow => {
+                    timed(timings, planned.pass, || self.soft_shadow(input, &view, &light, &plan.quality));
+                    soft_drawn = true;
                 }
                 Pass::ShadeObject => {
                     timed(timings, planned.pass, || {
@@ -242,7 +323,7 @@ impl Work {
                 }
                 Pass::ShadeSurface => {
                     timed(timings, planned.pass, || {
-                        self.shade_surface(input, &view, &light, &plan.quality);
+                        self.shade_surface(input, &view, &light, soft_drawn, &plan.quality);
                     });
                     ratio_drawn = true;
                 }
@@ -303,9 +384,32 @@ impl Work {
         input: &RelightInput<'_>,
         view: &View,
         light: &LightTerms,
+        soft_drawn: bool,
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
+        let step = quality.soft_step_px as f32;
+        let width = self.rays.width();
+        let (soft, coarse_rays, planes) = (&self.soft, &self.coarse_rays, &self.planes);
+        let (blockers, transfer) = (&self.blockers, &self.transfer);
+        let camera_from_world = view.world_from_camera.transpose();
+        let soft_taken = |fragment: &Fragment, normal: Vec3, facet: Vec3| {
+            if quality.soft_step_px == 1 {
+                let [r, g, b, _] = soft.pixels()[fragment.pixel];
+                return [r, g, b];
+            }
+            let at = [fragment.pixel % width, fragment.pixel / width].map(|p| (p as f32 + 0.5) / step);
+            let (normal_camera, to_plane) =
+                (camera_from_world * facet, facet.dot(fragment.point_world - view.eye));
+            let carried = soft_shadow::carried_up(soft.pixels(), soft.width(), soft.height(), at, |i| {
+                let ray = coarse_rays.centre(i);
+                normal_camera.dot(ray) / (ray.z * to_plane)
+            });
+            carried.unwrap_or_else(|| {
+                let plane = planes.of(fragment.triangle, normal);
+                soft_shadow::taken(blockers, transfer, plane, fragment.point_world, normal)
+            })
+        };
         let frame = SurfaceFrame { light, shadows: &self.shadows, pcf_taps: quality.pcf_taps };
         let surfaces = &self.surfaces;
         let shade = |fragment: &Fragment| {
@@ -313,7 +417,8 @@ impl Work {
                 return [1.0; 3];
             }
             let (normal, facet) = surface_normals(surfaces, fragment);
-            shade_surface::at(&frame, fragment.point_world, normal, facet)
+            let taken = if soft_drawn { soft_taken(fragment, normal, facet) } else { [0.0; 3] };
+            shade_surface::at(&frame, fragment.point_world, normal, facet, taken)
         };
         raster::draw_surfaces(
             &self.rays,
@@ -368,34 +473,4 @@ impl Work {
             }
         });
     }
-}
-
-/// Interpolates what shading needs at a fragment, and its facet's normal on the seen side. Backs of open meshes are
-/// shaded like fronts.
-fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoint, Vec3) {
-    let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
-    let weights = fragment.barycentric;
-    let mut normal = Vec3::ZERO;
-    let mut tint_openness = [0.0f32; 4];
-    for (&i, w) in corners.iter().zip(weights) {
-        normal += w * objects.normals[i];
-        for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {
-            *slot += w * c;
-        }
-    }
-    let facet = objects.facet_normals[fragment.triangle];
-    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
-    let facet = side * facet;
-    let normal = side * normal.normalize_or(side * facet);
-    (ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness }, facet)
-}
-
-/// Shading and facet normal of a real surface at a fragment, on the seen side.
-fn surface_normals(surfaces: &SurfaceGeometry, fragment: &Fragment) -> (Vec3, Vec3) {
-    let facet = surfaces.facet_normals[fragment.triangle];
-    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
-    let corners = surfaces.triangles[fragment.triangle];
-    let weighted = corners.iter().zip(fragment.barycentric);
-    let normal: Vec3 = weighted.map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
-    (side * normal.normalize_or(facet), side * facet)
 }

@@ -3,6 +3,7 @@
 pub mod cpu;
 pub mod gpu;
 
+use crate::animate::posed::Posed;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     estimate::LightFlags,
@@ -83,6 +84,8 @@ pub struct RelightInput<'a> {
     pub world_from_camera: &'a Pose,
     /// The light.
     pub light: &'a Lights,
+    /// Where the scene's objects are now, and the spheres that stand for them; `None`: as loaded, and no spheres.
+    pub posed: Option<&'a Posed>,
     /// Response for the way back to 8 bits.
     pub response: &'a Response,
     /// Exposure of the shown picture (radiance times `effective_s` goes through the response).

@@ -204,6 +204,35 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// A body of one object that never moves. `spheres`: centres and radii in the object's frame.
+    pub fn still(
+        name: String,
+        object: usize,
+        world_from_object: Affine3A,
+        spheres: impl Iterator<Item = (Vec3, f32)>,
+    ) -> Self {
+        let root = Node { name: String::new(), parent: None, rest: Transform::IDENTITY };
+        let joint = Joint { node: 0, node_from_bind: Affine3A::IDENTITY };
+        let spheres: Vec<BoundSphere> = spheres
+            .map(|(centre_node, radius_node)| BoundSphere { node: 0, centre_node, radius_node })
+            .collect();
+        Self {
+            name,
+            skeleton: Skeleton {
+                nodes: vec![root],
+                joints: vec![joint],
+                figure_from_root: Affine3A::IDENTITY,
+            },
+            clips: Vec::new(),
+            parts: vec![FigurePart { object, attachment: Attachment::Rigid { joint: 0 } }],
+            world_from_figure: world_from_object,
+            playing: None,
+            walk: None,
+            sphere_count: spheres.len(),
+            spheres,
+        }
+    }
+
     /// Whether it looks the same at any time.
     pub fn is_still(&self) -> bool {
         self.playing.is_none() && self.walk.is_none()

@@ -1,5 +1,7 @@
 //! All settings that trade accuracy for time, in one value that travels with the frame.
 
+use super::blocker::Rung;
+
 /// What becomes of the light: how much of it is hard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SplitKind {
@@ -39,6 +41,12 @@ impl SplitKind {
 pub struct Quality {
     /// What becomes of the light.
     pub split: SplitKind,
+    /// How the visibility of many spheres is put together where they block soft light.
+    pub rung: Rung,
+    /// Directions that the rung `directions` tests, 32 to 256.
+    pub directions: usize,
+    /// Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row: 1, 2 or 4.
+    pub soft_step_px: u32,
     /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
     pub shadow_maps: usize,
     /// SH order of the light, 2 to 6.
@@ -59,6 +67,9 @@ impl Default for Quality {
     fn default() -> Self {
         Self {
             split: SplitKind::Compact,
+            rung: Rung::Directions,
+            directions: 128,
+            soft_step_px: 4,
             shadow_maps: 8,
             sh_order: 4,
             shadow_map_texels: 1024,

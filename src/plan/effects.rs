@@ -37,7 +37,8 @@ impl Occasion<'_> {
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
-/// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces the light.
+/// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres.
+/// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces a hard light, or with `SoftShadow`.
 /// * `ShadeObject`: an object is in view.
 /// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
 pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Quality, out: &mut FramePlan) {
@@ -96,6 +97,19 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Err("the hard light reaches nothing in view")
     };
     decide(Pass::ShadowMaps, shadows);
+    let spheres = scene.figures.iter().any(|f| !f.spheres.is_empty());
+    let soft = if !draw {
+        Err("no picture is drawn")
+    } else if !spheres {
+        Err("no virtual body has spheres")
+    } else if !receivers {
+        Err("no real surface receives shadows")
+    } else if light.global.rows().iter().flatten().all(|c| *c == 0.0) {
+        Err("no soft light")
+    } else {
+        Ok("virtual bodies stand in soft light over real surfaces")
+    };
+    decide(Pass::SoftShadow, soft);
     let shade = if !draw {
         Err("no picture is drawn")
     } else if !objects {
@@ -106,7 +120,9 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Ok("virtual objects are in view")
     };
     decide(Pass::ShadeObject, shade);
-    let surface = if shadows.is_err() {
+    let surface = if soft.is_ok() {
+        Ok("soft light is blocked over a receiving surface")
+    } else if shadows.is_err() {
         shadows
     } else if !receivers {
         Err("no real surface receives shadows")

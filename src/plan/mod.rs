@@ -16,6 +16,8 @@ pub enum Pass {
     ProjectSh,
     /// `visibility/shadow_maps`
     ShadowMaps,
+    /// `compose/soft_shadow`: what virtual objects, as spheres, take of the soft light on real surfaces.
+    SoftShadow,
     /// `compose/shade_object`: objects into a layer of premultiplied radiance and coverage, hidden by real surfaces.
     ShadeObject,
     /// `compose/shade_surface`: what virtual objects leave of the light on real surfaces, as a ratio for each pixel.
@@ -34,6 +36,7 @@ impl Pass {
             Self::UnwrapBall => "light/unwrap_ball",
             Self::ProjectSh => "light/project_sh",
             Self::ShadowMaps => "visibility/shadow_maps",
+            Self::SoftShadow => "compose/soft_shadow",
             Self::ShadeObject => "compose/shade_object",
             Self::ShadeSurface => "compose/shade_surface",
             Self::Composite => "compose/composite",
@@ -42,11 +45,12 @@ impl Pass {
     }
 
     /// All passes in the order in which a frame runs them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::MergeBracket,
         Self::UnwrapBall,
         Self::ProjectSh,
         Self::ShadowMaps,
+        Self::SoftShadow,
         Self::ShadeObject,
         Self::ShadeSurface,
         Self::Composite,

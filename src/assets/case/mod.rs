@@ -10,6 +10,7 @@ use super::{error::AssetError, obj, shapes};
 use crate::{
     math::{lens::Lens, pose::Pose},
     model::{
+        animation::Figure,
         response::Response,
         scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
     },
@@ -289,7 +290,7 @@ impl Case {
         Ok(spheres.collect())
     }
 
-    /// The scene of a picture as meshes: its objects (with their openness; spheres as icospheres, which lie within
+    /// The scene of a picture as meshes: its objects (spheres are also bodies that block soft light; with their openness; spheres as icospheres, which lie within
     /// the true sphere by less than 0.35 % of the radius, 0.09 % where there are at most 5), and all receivers as real surfaces.
     ///
     /// # Errors
@@ -298,6 +299,15 @@ impl Case {
         let objects = self.objects(image)?;
         // About 30,000 triangles for all spheres together, at least 1280 each.
         let subdivisions = if self.spheres(image)?.len() > 5 { 3 } else { 4 };
+        let bodies = objects.iter().enumerate().filter_map(|(index, geometry)| match geometry.shape {
+            Shape::Sphere { centre, radius } => {
+                let place = Affine3A::from_translation(centre.as_vec3());
+                let whole = std::iter::once((Vec3::ZERO, radius as f32));
+                Some(Figure::still(geometry.name.clone(), index, place, whole))
+            }
+            _ => None,
+        });
+        let figures = bodies.collect();
         let objects = objects.into_iter().map(|geometry| {
             let (mesh, world_from_object, convex) = tessellate(&geometry.shape, subdivisions)?;
             let openness = if convex {
@@ -317,7 +327,7 @@ impl Case {
         Ok(Scene {
             objects: objects.collect::<Result<_, AssetError>>()?,
             surfaces: surfaces.collect::<Result<_, AssetError>>()?,
-            figures: Vec::new(),
+            figures,
         })
     }
 }

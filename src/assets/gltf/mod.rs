@@ -19,6 +19,7 @@ mod pose;
 mod primitive;
 mod skeleton;
 mod source;
+pub mod write;
 
 pub use figure::{DEFAULT_SPHERES, LoadedFigure, decode_figure, load_figure};
 

@@ -15,9 +15,11 @@ use crate::assets::{case, pictures, scene};
 use crate::engine::Engine;
 use crate::math::lens::Lens;
 use crate::model::{
+    blocker::Rung,
     light::MAX_HARD_LIGHTS,
     quality::{Quality, SplitKind},
 };
+use crate::visibility::blockers::DIRECTIONS;
 use std::path::{Path, PathBuf};
 
 /// Draw one still of a scene file or of a reference case.
@@ -64,6 +66,15 @@ pub struct Arguments {
     /// What becomes of the light: compact lights with their extent, one light by net flux (paper, bounded), or none (sh).
     #[arg(long, value_name = "KIND", default_value = SplitKind::Compact.name())]
     pub split: String,
+    /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions.
+    #[arg(long, value_name = "RUNG", default_value = Rung::Directions.name())]
+    pub rung: String,
+    /// Directions that the rung `directions` tests, 32 to 256.
+    #[arg(long, value_name = "N", default_value_t = Quality::default().directions)]
+    pub directions: usize,
+    /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4.
+    #[arg(long, value_name = "N", default_value_t = Quality::default().soft_step_px)]
+    pub soft_step_px: u32,
     /// Shadow maps that compact lights share, 1 to 64.
     #[arg(long, value_name = "N", default_value_t = Quality::default().shadow_maps)]
     pub shadow_maps: usize,
@@ -89,6 +100,17 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let split = SplitKind::from_name(&arguments.split).ok_or_else(|| {
         CliError(format!("--split = {}: must be one of {}", arguments.split, SplitKind::NAMES.join(", ")))
     })?;
+    let rung = Rung::parse(&arguments.rung).ok_or_else(|| {
+        let names = Rung::ALL.map(Rung::name).join(", ");
+        CliError(format!("--rung = {}: must be one of {names}", arguments.rung))
+    })?;
+    if !DIRECTIONS.contains(&arguments.directions) {
+        let (low, high) = DIRECTIONS.into_inner();
+        return Err(CliError(format!(
+            "--directions = {}: must be within {low}..={high}",
+            arguments.directions
+        )));
+    }
     if !(1..=MAX_HARD_LIGHTS).contains(&arguments.shadow_maps) {
         let most = MAX_HARD_LIGHTS;
         return Err(CliError(format!(
@@ -98,6 +120,9 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     }
     let quality = Quality {
         split,
+        rung,
+        directions: arguments.directions,
+        soft_step_px: arguments.soft_step_px,
         shadow_maps: arguments.shadow_maps,
         sh_order: arguments.sh_order,
         shadow_map_texels: arguments.shadow_map_texels,

@@ -1,6 +1,7 @@
 //! What a still is drawn from, and the drawing of it.
 
 use super::{background, case_light};
+use crate::animate::posed::Posed;
 use crate::assets::case::Case;
 use crate::cli::{CliError, common::PixelDigest};
 use crate::engine::{Engine, RelightInput};
@@ -146,11 +147,13 @@ impl Still {
         effects::plan(&occasion, &self.scene, &self.light, quality, &mut plan);
         let time_s =
             exposure_s.or(self.exposure_s).unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
+        let posed = Posed::new(&self.scene);
         let input = RelightInput {
             background: &self.background,
             lens: &self.lens,
             world_from_camera: &self.world_from_camera,
             light: &self.light,
+            posed: Some(&posed),
             response: &self.response,
             shown_exposure: Exposure { time_s, gain: 1.0 },
             t: Timestamp(0),

@@ -54,6 +54,8 @@ pub struct Fragment {
     pub point_world: Vec3,
     /// Unit vector towards the camera, world frame.
     pub to_eye: Vec3,
+    /// Number of the pixel, row by row; only where surfaces are drawn (else 0).
+    pub pixel: usize,
 }
 
 /// The nearest triangle of a coverage sample.
@@ -154,9 +156,10 @@ pub fn draw_surfaces<P: Copy + Send + Sync>(
                 }
             });
         }
-        for ((pixel, sample), &ray) in row.iter_mut().zip(samples).zip(directions) {
+        for (k, ((pixel, sample), &ray)) in row.iter_mut().zip(samples).zip(directions).enumerate() {
             if sample.triangle != NONE {
-                *pixel = shade(&surfaces.fragment(view, sample.triangle, ray));
+                let fragment = surfaces.fragment(view, sample.triangle, ray);
+                *pixel = shade(&Fragment { pixel: band * band_pixels + k, ..fragment });
             }
         }
     });

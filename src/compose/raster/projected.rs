@@ -102,6 +102,7 @@ impl Projected {
             barycentric: if sum > 0.0 { e.map(|e| e / sum) } else { [1.0 / 3.0; 3] },
             point_world: view.eye + world * (setup.distance / setup.normal.dot(ray)),
             to_eye: -world,
+            pixel: 0,
         }
     }
 }

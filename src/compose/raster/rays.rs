@@ -51,6 +51,11 @@ impl Rays {
         self.lens = Some(*lens);
     }
 
+    /// Unit ray through the centre of pixel `i` (row by row), camera frame; zero where the lens has none.
+    pub fn centre(&self, i: usize) -> Vec3 {
+        self.centres.get(i).copied().unwrap_or(Vec3::ZERO)
+    }
+
     /// Picture width in pixels.
     pub fn width(&self) -> usize {
         self.lens.map_or(0, |l| l.width as usize)

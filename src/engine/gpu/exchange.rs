@@ -54,11 +54,15 @@ pub struct Exchange {
     pub object_layer: KeptTexture,
     /// What is left of the light on real surfaces.
     pub ratios: KeptTexture,
+    /// What is taken of the soft light on real surfaces, and their inverse depth.
+    pub soft: KeptTexture,
     /// The composed picture: three floats a pixel.
     pub radiance: GrowingBuffer,
     readback: Readback,
     /// Where the shadow maps are.
     pub shadow_place: Place,
+    /// Where the soft shadows are.
+    pub soft_place: Place,
     /// Where the object layer is.
     pub object_place: Place,
     /// Where the ratios are.
@@ -74,9 +78,11 @@ impl Exchange {
             shadow_maps: KeptLayers::result("shadow maps", SHADOW_MAP_FORMAT),
             object_layer: KeptTexture::result("object layer", OBJECT_LAYER_FORMAT),
             ratios: KeptTexture::result("ratios", RATIOS_FORMAT),
+            soft: KeptTexture::result("soft shadows", RATIOS_FORMAT),
             radiance: GrowingBuffer::storage("composed radiance"),
             readback: Readback::new("composed radiance"),
             shadow_place: Place::Nowhere,
+            soft_place: Place::Nowhere,
             object_place: Place::Nowhere,
             ratio_place: Place::Nowhere,
             radiance_place: Place::Nowhere,
@@ -86,6 +92,7 @@ impl Exchange {
     /// A new frame: nothing is made yet.
     pub fn begin(&mut self) {
         self.shadow_place = Place::Nowhere;
+        self.soft_place = Place::Nowhere;
         self.object_place = Place::Nowhere;
         self.ratio_place = Place::Nowhere;
         self.radiance_place = Place::Nowhere;
@@ -130,6 +137,36 @@ impl Exchange {
         }
         let missing = || EngineError::Gpu { pass: "visibility/shadow_maps", reason: "no texture".into() };
         self.shadow_maps.bind(context).ok_or_else(missing)
+    }
+
+    /// Brings the soft shadows to the twins.
+    pub fn soft_to_host(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        twins: &mut Work,
+        size: (usize, usize),
+    ) -> Result<(), EngineError> {
+        if self.soft_place == Place::Device {
+            recorder.submit();
+            let texels = self.soft.download(recorder.context, Pass::SoftShadow.name())?;
+            let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
+            twins.soft.reshape(size.0, size.1, [0.0; 4]);
+            for (pixel, texel) in twins.soft.pixels_mut().iter_mut().zip(texels) {
+                *pixel = texel;
+            }
+            self.soft_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the soft shadows to the device, and binds them.
+    pub fn soft_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work) -> Resource {
+        if self.soft_place == Place::Host {
+            let (width, height) = (twins.soft.width() as u32, twins.soft.height() as u32);
+            self.soft.upload(recorder.context, width, height, bytemuck::cast_slice(twins.soft.pixels()));
+            self.soft_place = Place::Both;
+        }
+        self.soft.bind(recorder.context)
     }
 
     /// Brings the object layer to the twins; the device's is radiance times `exposure`.

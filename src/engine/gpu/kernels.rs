@@ -67,6 +67,20 @@ pub const SHADOW_MAPS: Kernel = Kernel {
     structs: &[params::ShadowCamera::LAYOUT],
 };
 
+/// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture.
+pub const SOFT_SHADOW: Kernel = Kernel {
+    pass: Pass::SoftShadow,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/facet"),
+        source!("compose/soft_shadow"),
+    ],
+    entries: &["vertex", "fragment"],
+    bindings: &[Binding::new("view", BindingKind::Uniform), Binding::new("soft", BindingKind::Uniform)],
+    structs: &[params::View::LAYOUT, params::SoftTerms::LAYOUT],
+};
+
 /// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
 pub const SHADE_OBJECT: Kernel = Kernel {
     pass: Pass::ShadeObject,
@@ -114,12 +128,15 @@ pub const SHADE_SURFACE: Kernel = Kernel {
         Binding::new("light", BindingKind::Uniform),
         Binding::new("cameras", BindingKind::Uniform),
         Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("soft", BindingKind::Uniform),
+        Binding::new("soft_picture", BindingKind::Uints),
     ],
     structs: &[
         params::View::LAYOUT,
         params::LightTerms::LAYOUT,
         params::ShadowCamera::LAYOUT,
         params::ShadowCameras::LAYOUT,
+        params::SoftPicture::LAYOUT,
     ],
 };
 
@@ -153,11 +170,12 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 8] = [
+pub const TABLE: [&Kernel; 9] = [
     &MERGE_BRACKET,
     &UNWRAP_BALL,
     &PROJECT_SH,
     &SHADOW_MAPS,
+    &SOFT_SHADOW,
     &SHADE_OBJECT,
     &SHADE_SURFACE,
     &COMPOSITE,

@@ -166,6 +166,36 @@ shared_struct! {
 }
 
 shared_struct! {
+    /// `compose/soft_shadow`. Twins: `visibility::blockers`, `compose::soft_shadow::Transfer`.
+    SoftTerms {
+        /// Order of the light, spheres, directions, 0.
+        counts: [u32; 4],
+        /// h, sin(h/2), 4 pi / N, 0.
+        softness: [f32; 4],
+        /// Lambert's lobe, bands 0 to 3.
+        bands_low: [f32; 4],
+        /// Bands 4 and 5.
+        bands_high: [f32; 4],
+        /// Centres and radii, world frame, metres.
+        spheres: [[f32; 4]; 64],
+        /// Unit directions.
+        directions: [[f32; 4]; 256],
+        /// Means of y_i over the directions.
+        means: [[f32; 4]; 9],
+        /// M^{L_g}, rows i, columns k <= i.
+        matrix: [[f32; 4]; 666],
+    }
+}
+
+shared_struct! {
+    /// Where `compose/shade_surface` finds the soft shadows.
+    SoftPicture {
+        /// Columns, rows, pixels from one to the next, 1 where there is one.
+        size_step: [u32; 4],
+    }
+}
+
+shared_struct! {
     /// A material, `compose/shade_object`. Twin: `compose::geometry::MaterialTerms`.
     MaterialTerms {
         /// Diffuse albedo.

@@ -4,11 +4,13 @@ use super::{
     buffers::{Readback, whole_words},
     context::GpuContext,
     exchange::{Exchange, Place},
+    params,
     passes::{
         composite::{Composite, Layers},
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
+        soft_shadow::{MOST_SPHERES, SoftShadow},
         tonemap::Tonemap,
     },
     recorder::{Recorder, Timer},
@@ -18,7 +20,7 @@ use super::{
 use crate::{
     compose::{raster, shade_object::LightTerms},
     engine::{EngineError, RelightInput, cpu},
-    model::{picture::Picture, scene::Scene},
+    model::{blocker::Rung, picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
 };
 
@@ -41,6 +43,7 @@ pub struct Relighter {
     domain: LensDomain,
     exchange: Exchange,
     shadow_maps: Option<ShadowMaps>,
+    soft_shadow: Option<SoftShadow>,
     shade_object: Option<ShadeObject>,
     shade_surface: Option<ShadeSurface>,
     composite: Option<Composite>,
@@ -57,6 +60,7 @@ impl Relighter {
             domain: LensDomain::default(),
             exchange: Exchange::new(),
             shadow_maps: None,
+            soft_shadow: None,
             shade_object: None,
             shade_surface: None,
             composite: None,
@@ -90,7 +94,10 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
-        if [Pass::ShadowMaps, Pass::ShadeObject, Pass::ShadeSurface]
+        if self.twins.pose(input) {
+            self.scene.invalidate();
+        }
+        if [Pass::ShadowMaps, Pass::SoftShadow, Pass::ShadeObject, Pass::ShadeSurface]
             .iter()
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
@@ -98,6 +105,14 @@ impl Relighter {
             self.scene.update(context, &self.twins.objects, &self.twins.surfaces, cut);
         }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
+
+        let coarse = cpu::coarse_lens(input.lens, quality.soft_step_px);
+        let coarse_size = (coarse.width as usize, coarse.height as usize);
+        let coarse_view = params::View {
+            focal: [coarse.fx, coarse.fy, coarse.cx, coarse.cy].map(|x| x as f32),
+            frame: [coarse.width as f32, coarse.height as f32, view_params.frame[2], view_params.frame[3]],
+            ..view_params
+        };
 
         let (twins, exchange) = (&mut self.twins, &mut self.exchange);
         exchange.begin();
@@ -123,6 +138,29 @@ impl Relighter {
                     kernel.run(&mut recorder, &mut self.scene, &cameras, count, maps)?;
                     exchange.shadow_place = Place::Device;
                 }
+                Pass::SoftShadow => {
+                    twins.prepare_blockers(input, &light, quality);
+                    // The shader has the one rung, and room for so many spheres.
+                    let fits =
+                        quality.rung == Rung::Directions && twins.blockers.spheres().len() <= MOST_SPHERES;
+                    if host || !fits {
+                        recorder.host(pass, || twins.soft_shadow(input, &camera, &light, quality));
+                        exchange.soft_place = Place::Host;
+                    } else {
+                        let kernel = ready(&mut self.soft_shadow, context, SoftShadow::new)?;
+                        let picture = &mut exchange.soft;
+                        kernel.run(
+                            &mut recorder,
+                            &mut self.scene,
+                            &coarse_view,
+                            &twins.blockers,
+                            &twins.transfer,
+                            quality.directions,
+                            picture,
+                        )?;
+                        exchange.soft_place = Place::Device;
+                    }
+                }
                 Pass::ShadeObject if host => {
                     exchange.shadow_to_host(&mut recorder, twins)?;
                     recorder.host(pass, || {
@@ -145,7 +183,11 @@ impl Relighter {
                 Pass::ShadeSurface => {
                     if host {
                         exchange.shadow_to_host(&mut recorder, twins)?;
-                        recorder.host(pass, || twins.shade_surface(input, &camera, &light, quality));
+                        exchange.soft_to_host(&mut recorder, twins, coarse_size)?;
+                        let soft_drawn = exchange.soft_place.is_somewhere();
+                        recorder.host(pass, || {
+                            twins.shade_surface(input, &camera, &light, soft_drawn, quality);
+                        });
                         exchange.ratio_place = Place::Host;
                     } else {
                         let frame = Frame {
@@ -154,8 +196,13 @@ impl Relighter {
                             cameras: &cameras,
                             shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                         };
+                        let present = u32::from(exchange.soft_place.is_somewhere());
+                        let (columns, rows) = (coarse_size.0 as u32, coarse_size.1 as u32);
+                        let place =
+                            params::SoftPicture { size_step: [columns, rows, quality.soft_step_px, present] };
+                        let soft = (&place, exchange.soft_to_device(&recorder, twins));
                         let kernel = ready(&mut self.shade_surface, context, ShadeSurface::new)?;
-                        kernel.run(&mut recorder, &mut self.scene, &frame, &mut exchange.ratios)?;
+                        kernel.run(&mut recorder, &mut self.scene, &frame, soft, &mut exchange.ratios)?;
                         exchange.ratio_place = Place::Device;
                     }
                 }

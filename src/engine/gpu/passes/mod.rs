@@ -6,5 +6,6 @@ pub mod project_sh;
 pub mod shade_object;
 pub mod shade_surface;
 pub mod shadow_maps;
+pub mod soft_shadow;
 pub mod tonemap;
 pub mod unwrap_ball;

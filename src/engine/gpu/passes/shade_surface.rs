@@ -8,9 +8,9 @@ use crate::{
             buffers::GrowingBuffer,
             context::GpuContext,
             exchange::RATIOS_FORMAT,
-            kernel::{BoundGroup, Built, Drawing},
+            kernel::{BoundGroup, Built, Drawing, Resource},
             kernels,
-            params::SurfaceVertex,
+            params::{self, SurfaceVertex},
             recorder::{Recorder, Targets, cleared},
             scene::SceneBuffers,
             textures::KeptTexture,
@@ -28,6 +28,7 @@ pub struct ShadeSurface {
     view: GrowingBuffer,
     light: GrowingBuffer,
     cameras: GrowingBuffer,
+    soft: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
 }
@@ -55,17 +56,19 @@ impl ShadeSurface {
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
             cameras: GrowingBuffer::uniform("shadow cameras"),
+            soft: GrowingBuffer::uniform("soft picture"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("surface depth", wgpu::TextureFormat::Depth32Float),
         })
     }
 
-    /// Draws the scene's real surfaces; the ratios get the lens' size.
+    /// Draws the scene's real surfaces; the ratios get the lens' size. `soft`: where soft shadows are, and their picture.
     pub fn run(
         &mut self,
         recorder: &mut Recorder<'_>,
         scene: &mut SceneBuffers,
         frame: &Frame<'_>,
+        soft: (&params::SoftPicture, Resource),
         ratios: &mut KeptTexture,
     ) -> Result<(), EngineError> {
         let context = recorder.context;
@@ -74,6 +77,8 @@ impl ShadeSurface {
             self.light.write(context, bytemuck::bytes_of(frame.light)),
             self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
             frame.shadow_maps.clone(),
+            self.soft.write(context, bytemuck::bytes_of(soft.0)),
+            soft.1,
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);

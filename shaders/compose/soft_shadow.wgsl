@@ -1,0 +1,157 @@
+// What spheres, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
+// the inverse depth, as bits of four floats, in a picture of every n-th pixel. The rung `directions`; the other rungs run
+// on the twin. Twin: src/compose/soft_shadow.rs (over src/visibility/blockers/directions.rs).
+
+struct SoftTerms {
+    // Order of the light, spheres, directions, 0.
+    counts: vec4<u32>,
+    // h, sin(h/2), 4 pi / N, 0.
+    softness: vec4<f32>,
+    // sqrt(4 pi / (2 l + 1)) z_l of Lambert: bands 0 to 3, and 4 to 5.
+    bands_low: vec4<f32>,
+    bands_high: vec4<f32>,
+    // Centres (world, metres) and radii.
+    spheres: array<vec4<f32>, 64>,
+    // Unit directions.
+    directions: array<vec4<f32>, 256>,
+    // Mean of y_i over the directions (0 for i = 0), four a row.
+    means: array<vec4<f32>, 9>,
+    // M^{L_g}, rows i, columns k <= i.
+    matrix: array<vec4<f32>, 666>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> soft: SoftTerms;
+
+struct Seen {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) point_world: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    // 1 where virtual shadows fall on the surface, else 0.
+    @location(2) receives: f32,
+}
+
+@vertex
+fn vertex(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> Seen {
+    var seen: Seen;
+    seen.clip = clip_position(view, position.xyz, 1.0);
+    seen.point_world = position.xyz;
+    seen.normal = normal;
+    seen.receives = position.w;
+    return seen;
+}
+
+@fragment
+fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
+    let facet = facet_normal(seen.point_world - view.eye.xyz, seen.clip.w);
+    var normal = facet;
+    if dot(seen.normal, seen.normal) > 0.0 {
+        normal = normalize(seen.normal) * select(-1.0, 1.0, front);
+    }
+    let inverse_depth = 1.0 / dot(view.forward.xyz, seen.point_world - view.eye.xyz);
+    var out = vec3<f32>(0.0);
+    if seen.receives > 0.5 {
+        out = taken(seen.point_world, normal);
+    }
+    return vec4<u32>(bitcast<vec3<u32>>(out), bitcast<u32>(inverse_depth));
+}
+
+// Share of direction w that is open.
+fn open(w: vec3<f32>, point_world: vec3<f32>, normal: vec3<f32>) -> f32 {
+    var v = 1.0;
+    for (var s = 0u; s < soft.counts.y; s += 1u) {
+        let sphere = soft.spheres[s];
+        let to = sphere.xyz - point_world;
+        let square = dot(to, to);
+        // Wholly under the horizon, or not in reach of any direction.
+        if dot(to, normal) > -sphere.w {
+            var axis = normal;
+            var sine_squared = 1.0;
+            if square > 0.0 {
+                axis = to * inverseSqrt(square);
+                sine_squared = min(sphere.w * sphere.w / square, 1.0);
+            }
+            let slope = 1.0 / (soft.softness.x * max(sqrt(sine_squared), soft.softness.y));
+            let threshold = sqrt(1.0 - sine_squared) * slope + 0.5;
+            v *= clamp(threshold - slope * dot(axis, w), 0.0, 1.0);
+        }
+    }
+    return v;
+}
+
+fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    var low: array<f32, 16>;
+    var high: array<f32, 20>;
+    var all = 0.0;
+    for (var j = 0u; j < soft.counts.z; j += 1u) {
+        let w = soft.directions[j].xyz;
+        let blocked = 1.0 - open(w, point_world, normal);
+        if blocked > 0.0 {
+            all += blocked;
+            let y = sh_low(w);
+            for (var i = 0u; i < 16u; i += 1u) {
+                low[i] += blocked * y[i];
+            }
+            if soft.counts.x > 4u {
+                let h = sh_high(w);
+                for (var i = 0u; i < 20u; i += 1u) {
+                    high[i] += blocked * h[i];
+                }
+            }
+        }
+    }
+    if all == 0.0 {
+        return vec3<f32>(0.0);
+    }
+    for (var i = 0u; i < 16u; i += 1u) {
+        low[i] -= all * soft.means[i / 4u][i % 4u];
+    }
+    for (var i = 0u; i < 20u; i += 1u) {
+        high[i] -= all * soft.means[4u + i / 4u][i % 4u];
+    }
+    // The zonal lobe about the normal.
+    var f_low = sh_low(normal);
+    for (var i = 0u; i < 16u; i += 1u) {
+        f_low[i] *= soft.bands_low[band_of(i)];
+    }
+    var f_high: array<f32, 20>;
+    if soft.counts.x > 4u {
+        f_high = sh_high(normal);
+        for (var i = 0u; i < 20u; i += 1u) {
+            f_high[i] *= soft.bands_high[band_of(16u + i) - 4u];
+        }
+    }
+    var sum = vec3<f32>(0.0);
+    let count = soft.counts.x * soft.counts.x;
+    var at = 0u;
+    for (var i = 0u; i < count; i += 1u) {
+        var d_i = 0.0;
+        var f_i = 0.0;
+        if i < 16u {
+            d_i = low[i];
+            f_i = f_low[i];
+        } else {
+            d_i = high[i - 16u];
+            f_i = f_high[i - 16u];
+        }
+        for (var k = 0u; k <= i; k += 1u) {
+            var both = 0.0;
+            if k < 16u {
+                both = d_i * f_low[k] + low[k] * f_i;
+            } else {
+                both = d_i * f_high[k - 16u] + high[k - 16u] * f_i;
+            }
+            if k == i {
+                both = d_i * f_i;
+            }
+            sum += soft.matrix[at].xyz * both;
+            at += 1u;
+        }
+    }
+    return sum * soft.softness.z;
+}
+
+// l of coefficient l (l + 1) + m.
+fn band_of(i: u32) -> u32 {
+    return u32(i >= 1u) + u32(i >= 4u) + u32(i >= 9u) + u32(i >= 16u) + u32(i >= 25u);
+}

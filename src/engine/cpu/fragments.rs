@@ -1,0 +1,53 @@
+//! What shading reads at a fragment, and the lens of a coarse picture.
+
+use crate::compose::{
+    geometry::{ObjectGeometry, SurfaceGeometry},
+    raster::Fragment,
+    shade_object::ObjectPoint,
+};
+use crate::math::lens::Lens;
+use glam::Vec3;
+
+/// The lens of a picture of every `step`-th pixel of every `step`-th row, rounded up at the far borders.
+pub fn coarse_lens(lens: &Lens, step: u32) -> Lens {
+    let k = f64::from(step.max(1));
+    Lens {
+        width: lens.width.div_ceil(step.max(1)),
+        height: lens.height.div_ceil(step.max(1)),
+        fx: lens.fx / k,
+        fy: lens.fy / k,
+        cx: lens.cx / k,
+        cy: lens.cy / k,
+        ..*lens
+    }
+}
+
+/// Interpolates what shading needs at a fragment, and its facet's normal on the seen side. Backs of open meshes are
+/// shaded like fronts.
+pub fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoint, Vec3) {
+    let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
+    let weights = fragment.barycentric;
+    let mut normal = Vec3::ZERO;
+    let mut tint_openness = [0.0f32; 4];
+    for (&i, w) in corners.iter().zip(weights) {
+        normal += w * objects.normals[i];
+        for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {
+            *slot += w * c;
+        }
+    }
+    let facet = objects.facet_normals[fragment.triangle];
+    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
+    let facet = side * facet;
+    let normal = side * normal.normalize_or(side * facet);
+    (ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness }, facet)
+}
+
+/// Shading and facet normal of a real surface at a fragment, on the seen side.
+pub fn surface_normals(surfaces: &SurfaceGeometry, fragment: &Fragment) -> (Vec3, Vec3) {
+    let facet = surfaces.facet_normals[fragment.triangle];
+    let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
+    let corners = surfaces.triangles[fragment.triangle];
+    let weighted = corners.iter().zip(fragment.barycentric);
+    let normal: Vec3 = weighted.map(|(&i, w)| w * surfaces.normals[i as usize]).sum();
+    (side * normal.normalize_or(facet), side * facet)
+}
