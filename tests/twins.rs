@@ -204,8 +204,12 @@ fn scene() -> Scene {
         world_from_object: Affine3A::IDENTITY,
         openness: Vec::new(),
     };
-    let surface =
-        |name: &str, mesh, receives_shadow| RealSurface { name: name.into(), mesh, receives_shadow };
+    let surface = |name: &str, mesh, receives_shadow| RealSurface {
+        name: name.into(),
+        mesh,
+        receives_shadow,
+        albedo_rgb: None,
+    };
     Scene {
         objects: vec![
             sphere("matt", 24, Vec3::new(0.0, 0.0, 0.1), 0.1, matt),
@@ -289,6 +293,7 @@ impl Shot {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            environment: None,
             posed: Some(&self.posed),
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },

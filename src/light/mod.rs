@@ -8,6 +8,7 @@ pub mod follow;
 pub mod halve;
 pub mod maps;
 pub mod place_ball;
+pub mod prefilter;
 pub mod project_sh;
 pub mod split;
 pub mod surface;

@@ -2,6 +2,7 @@
 
 pub mod animation;
 pub mod blocker;
+pub mod environment;
 pub mod estimate;
 pub mod frame;
 pub mod image;

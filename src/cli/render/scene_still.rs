@@ -13,9 +13,13 @@ use crate::compose::{
 };
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
-use crate::light::halve::halve_still;
+use crate::light::{
+    halve::halve_still_with_rest,
+    prefilter::{Prefilter, Wanted},
+};
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
 use crate::model::{
+    environment::EnvironmentPicture,
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
     light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
@@ -72,11 +76,23 @@ pub fn of_scene(
             Some(read_map(file, *layout, *y_up, *rotation_deg, engine, quality)?)
         }
     };
+    let mut environment = None;
     let light = match (&total, &file.light) {
         (Some((total, samples)), source) => {
             let on_surface = matches!(source, LightSource::Ball(_)) && file.ball_on_surface;
             let above_horizon = on_surface || faces_up(&file.scene);
-            halve_still(samples, total, halve_options(quality, above_horizon))
+            let options = halve_options(quality, above_horizon);
+            let (light, left) = halve_still_with_rest(samples, total, options);
+            let wanted = Wanted::by(&file.scene, quality.sh_order);
+            if wanted.picture {
+                let picture = environment.insert(EnvironmentPicture::default());
+                let mut work = Prefilter::default();
+                work.see(samples, 1.0, picture);
+                if wanted.glossy {
+                    work.levels(left.as_ref(), picture);
+                }
+            }
+            light
         }
         (None, LightSource::Stated { constant_rgb, direct }) => {
             let mut global = RadianceSh::zero(quality.sh_order);
@@ -111,6 +127,7 @@ pub fn of_scene(
         lens: camera.lens,
         world_from_camera: camera.world_from_camera,
         light,
+        environment,
         background,
         response,
         exposure_s,
