@@ -13,6 +13,7 @@ use halflight::{
         gpu::{Backend, GpuEngine},
     },
     hdr::merge_bracket::merge_bracket,
+    light::prefilter::Prefilter,
     math::{
         lens::{Distortion, Lens},
         pose::Pose,
@@ -20,6 +21,7 @@ use halflight::{
     },
     model::{
         animation::Figure,
+        environment::EnvironmentPicture,
         frame::Exposure,
         image::{HdrImage, Rgb8Image},
         light::{HardLight, Lights, RadianceSamples, RadianceSh},
@@ -241,11 +243,29 @@ fn body(name: &str, object: usize, at: Vec3, spheres: &[(Vec3, f32)]) -> Figure 
     Figure::still(name.into(), object, Affine3A::from_translation(at), spheres.iter().copied())
 }
 
+/// A sky that is brighter on one side, with a lamp; its levels as for gloss without hard lights.
+fn environment() -> EnvironmentPicture {
+    let mut samples = RadianceSamples::default();
+    for k in 0..20_000 {
+        let z = 1.0 - 2.0 * (k as f32 + 0.5) / 20_000.0;
+        let (s, c) = (2.399_963_2 * k as f32).sin_cos();
+        let d = Vec3::new((1.0 - z * z).sqrt() * c, (1.0 - z * z).sqrt() * s, z);
+        let lamp = if d.dot(Vec3::new(0.48, 0.6, 0.64)) > 0.98 { 4.0 } else { 0.0 };
+        samples.directions.push([d.x, d.y, d.z, 4.0 * std::f32::consts::PI / 20_000.0]);
+        samples.radiance.push([1.0 + 0.5 * d.x + lamp, 1.0 + lamp, 1.0 - 0.4 * d.y, 0.0]);
+    }
+    let (mut picture, mut work) = (EnvironmentPicture::default(), Prefilter::default());
+    work.see(&samples, 1.0, &mut picture);
+    work.levels(Some(&samples), &mut picture);
+    picture
+}
+
 /// All that a frame is drawn from.
 struct Shot {
     lens: Lens,
     pose: Pose,
     light: Lights,
+    environment: EnvironmentPicture,
     background: HdrImage,
     response: Response,
     posed: Posed,
@@ -284,7 +304,8 @@ impl Shot {
             Quality { coverage_samples, soft_step_px, shadow_map_texels: 512, ..Quality::default() };
         effects::plan(&Occasion::SHOW, &scene(), &light, &quality, &mut plan);
         let pose = Pose::look_at(DVec3::new(0.3, -0.6, 0.5), DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
-        Self { lens, pose, light, background, response: Response::srgb(), posed: Posed::new(&scene()), plan }
+        let (response, posed) = (Response::srgb(), Posed::new(&scene()));
+        Self { lens, pose, light, environment: environment(), background, response, posed, plan }
     }
 
     fn input(&self) -> RelightInput<'_> {
@@ -293,7 +314,7 @@ impl Shot {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
-            environment: None,
+            environment: Some(&self.environment),
             posed: Some(&self.posed),
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },

@@ -8,6 +8,7 @@ use crate::model::{
 };
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fewest and most texels a side of a map made of samples.
 const SIDES: (usize, usize) = (32, 256);
@@ -44,6 +45,12 @@ impl Wanted {
     }
 }
 
+/// A number that no picture had before.
+fn next_revision() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    LAST.fetch_add(1, Ordering::Relaxed) + 1
+}
+
 /// Makes the pictures, and keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct Prefilter {
@@ -69,7 +76,7 @@ impl Prefilter {
             }
         }
         picture.glossy.clear();
-        picture.revision = picture.revision.wrapping_add(1);
+        picture.revision = next_revision();
     }
 
     /// Mean radiance of the samples that fall on each texel; returns the texels a side.
@@ -124,7 +131,7 @@ impl Prefilter {
             }
         });
         picture.glossy.clear();
-        picture.revision = picture.revision.wrapping_add(1);
+        picture.revision = next_revision();
     }
 
     /// The prefiltered levels of a picture, up to the sharpest that its size can show. `left`: the same light without the
@@ -153,7 +160,7 @@ impl Prefilter {
             out.reshape(side_of(level));
             lobe_means(&self.smaller, 3 + level as u32, &mut self.rays, out);
         }
-        picture.revision = picture.revision.wrapping_add(1);
+        picture.revision = next_revision();
     }
 
     /// Gives texels without a sample the mean of what lies around them, from coarser and coarser maps.

@@ -71,7 +71,7 @@ pub const FIRST_EXPONENT: f32 = 8.0;
 /// What mirrors and sharp gloss see of the place.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EnvironmentPicture {
-    /// Another number: other pictures.
+    /// Another number: other pictures. `light::prefilter` gives each content its own.
     pub revision: u64,
     /// All light, hard lights included: what mirrors see (Eq. 21 of [Now11]). Never made: there is no picture.
     pub all: OctahedralMap,

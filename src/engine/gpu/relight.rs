@@ -18,7 +18,10 @@ use super::{
     view::{self, LensDomain},
 };
 use crate::{
-    compose::{raster, shade_object::LightTerms},
+    compose::{
+        raster,
+        shade_object::{LightTerms, Surroundings},
+    },
     engine::{EngineError, RelightInput, cpu},
     model::{blocker::Rung, picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
@@ -175,9 +178,14 @@ impl Relighter {
                         cameras: &cameras,
                         shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                     };
+                    twins.prepare_reflected(input);
+                    let order = light.order;
+                    let (picture, norm) = (input.environment, quality.phong_norm);
+                    let surroundings = Surroundings::new(picture, &twins.reflected, norm, order);
                     let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
                     let layer = &mut exchange.object_layer;
-                    kernel.run(&mut recorder, &mut self.scene, &frame, quality.coverage_samples, layer)?;
+                    let samples = quality.coverage_samples;
+                    kernel.run(&mut recorder, &mut self.scene, &frame, &surroundings, samples, layer)?;
                     exchange.object_place = Place::Device;
                 }
                 Pass::ShadeSurface => {

@@ -101,9 +101,9 @@ fn levels_are_phong_means_of_what_is_there() {
             let want = 100.0 * spot_sr * lobe * (s + 1.0) / (2.0 * std::f64::consts::PI)
                 + 1.0
                 + 0.5 * about.z * (s + 1.0) / (s + 2.0);
-            // Between texels the peak over a small spot is cut.
+            // Between texels the peak over a spot that is small for its lobe is cut: by 0.125 at s = 16.
             let size = 100.0 * spot_sr * (s + 1.0) / (2.0 * std::f64::consts::PI);
-            assert!((got - want).abs() < 0.01 + 0.1 * size.min(100.0), "s = {s}, {off_deg}: {got} {want}");
+            assert!((got - want).abs() < 0.01 + 0.14 * size.min(100.0), "s = {s}, {off_deg}: {got} {want}");
         }
     }
 }
