@@ -27,6 +27,8 @@ pub struct Directions {
     softness: f32,
     least_sine: f32,
     directions: Vec<[f32; 3]>,
+    /// Mean of each y_i over all j, for i > 0.
+    means: Vec<f32>,
     /// `[j][i]`: (4 pi/N) (y_i(w_j) - mean of y_i over all j, for i > 0).
     basis: Vec<[f32; MAX_COEFFICIENTS]>,
 }
@@ -58,6 +60,8 @@ impl Directions {
             }
         }
         self.directions.clear();
+        self.means.clear();
+        self.means.extend(means.iter().map(|mean| *mean as f32));
         self.basis.clear();
         for j in 0..count {
             let d = direction(j, count);
@@ -67,6 +71,21 @@ impl Directions {
                 if i < order * order { (solid_angle * (y[i] - means[i])) as f32 } else { 0.0 }
             }));
         }
+    }
+
+    /// w_j, unit.
+    pub fn list(&self) -> &[[f32; 3]] {
+        &self.directions
+    }
+
+    /// h and sin(h/2).
+    pub fn softness(&self) -> [f32; 2] {
+        [self.softness, self.least_sine]
+    }
+
+    /// Mean of each y_i over all directions, for i > 0.
+    pub fn means(&self) -> &[f32] {
+        &self.means
     }
 
     /// The weights (4 pi/N) y_i(w_j), without their mean, of each direction.

@@ -8,10 +8,12 @@ mod caps;
 mod directions;
 mod ladder;
 mod plane;
+mod shader_terms;
 #[cfg(test)]
 mod tests;
 
 pub use plane::Plane;
+pub use shader_terms::{BlockerTerms, SHADER_ORDER, SHADER_SPHERES};
 
 use crate::{
     math::sh::{

@@ -15,7 +15,7 @@ pub struct Plane {
     transfer: [[f32; 3]; 36],
     unblocked: [f32; 3],
     /// W_j = (4 pi/N) sum_i t_i y_i(w_j), each channel.
-    weights: Vec<[f32; 3]>,
+    pub(super) weights: Vec<[f32; 3]>,
 }
 
 impl Default for Plane {
