@@ -53,7 +53,9 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     let seen = objects
         && occasion.camera.is_none_or(|(lens, pose)| {
             let cone = ViewCone::new(lens, pose);
-            scene.objects.iter().any(|o| cone.may_see(o))
+            // What moves may be anywhere.
+            scene.figures.iter().any(|f| !f.is_still() && !f.parts.is_empty())
+                || scene.objects.iter().any(|o| cone.may_see(o))
         });
     let hard = || {
         let shines = |e: &[f32; 3]| e.iter().any(|&e| e > 0.0 && e.is_finite());
