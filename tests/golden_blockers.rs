@@ -38,13 +38,13 @@ fn flat<T: Precision>(order: usize, lanes: &LaneSh<T, 1>) -> Vec<T> {
 
 /// Spheres of an entry as caps seen from the origin.
 fn caps<T: Precision>(entry: &Entry) -> Vec<Cap<T>> {
-    let list = entry.inputs["spheres"].as_array().unwrap();
+    let list = entry.inputs["spheres"].as_array().expect("as the file has it");
     list.iter()
         .map(|sphere| {
             let c = numbers(&sphere["centre"]);
-            let radius = T::of(sphere["radius"].as_f64().unwrap());
+            let radius = T::of(sphere["radius"].as_f64().expect("as the file has it"));
             let up = [T::zero(), T::zero(), T::one()];
-            Cap::of_sphere([c[0], c[1], c[2]].map(T::of), radius, up).unwrap()
+            Cap::of_sphere([c[0], c[1], c[2]].map(T::of), radius, up).expect("as the file has it")
         })
         .collect()
 }
@@ -86,12 +86,13 @@ fn chain<T: Precision>(order: usize, caps: &[Cap<T>], guarded: bool) -> LaneSh<T
         }
         all = Some(both);
     }
-    all.unwrap()
+    all.expect("as the file has it")
 }
 
 fn logzh<T: Precision>(entry: &Entry) {
     let order = entry.count("order");
-    let sine = T::of(entry.inputs["angular_radius_deg"].as_f64().unwrap().to_radians().sin());
+    let sine =
+        T::of(entry.inputs["angular_radius_deg"].as_f64().expect("as the file has it").to_radians().sin());
     let mut g = vec![T::zero(); order];
     log_exp::log_cap(order, sine * sine, &mut g);
     entry.check_key("eigenclip", Some(&g[..]));
@@ -176,7 +177,8 @@ fn guarded<T: Precision>(entry: &Entry) {
 
 fn overlap<T: Precision>(entry: &Entry) {
     let order = entry.count("order");
-    let sine = T::of(entry.inputs["angular_radius_deg"].as_f64().unwrap().to_radians().sin());
+    let sine =
+        T::of(entry.inputs["angular_radius_deg"].as_f64().expect("as the file has it").to_radians().sin());
     let cap = Cap { axis: entry.direction("axis"), sine_squared: sine * sine };
     let caps = vec![cap; entry.count("k_coincident")];
     let sum = log_sum(order, &caps);
@@ -188,7 +190,7 @@ fn overlap<T: Precision>(entry: &Entry) {
     entry.check_key("hybrid_guarded", Some(&flat(order, &v)[..]));
     entry.check_key("chain_guarded", Some(&flat(order, &chain(order, &caps, true))[..]));
     let mean = chain(order, &caps, false)[0].0[0].wide() / log_exp::whole::<f64>();
-    let expected = entry.expected["chain_unguarded_mean"].as_f64().unwrap();
+    let expected = entry.expected["chain_unguarded_mean"].as_f64().expect("as the file has it");
     assert!((mean / expected - 1.0).abs() < 1e-3, "{}: {mean} instead of {expected}", entry.id);
 }
 
@@ -319,8 +321,8 @@ fn the_ladder_is_as_accurate_as_the_spec_says() {
             continue;
         }
         entries += 1;
-        let id = entry["id"].as_str().unwrap();
-        let order = entry["inputs"]["order"].as_u64().unwrap() as usize;
+        let id = entry["id"].as_str().expect("as the file has it");
+        let order = entry["inputs"]["order"].as_u64().expect("as the file has it") as usize;
         let errors = ladder(order, id.ends_with("clustered"));
         println!("{id}: mean relative L2 error of V for 1, 2, 5, 10, 20 spheres, {SCENES} scenes");
         for ((rung, directions), row) in ROWS.iter().zip(errors) {

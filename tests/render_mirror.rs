@@ -22,7 +22,8 @@ fn at(values: &[f64], width: usize, x: f64, y: f64) -> f64 {
     let (left, top) = (x.floor(), y.floor());
     let (fx, fy) = (x - left, y - top);
     let pixel = |dx: usize, dy: usize| values[(top as usize + dy) * width + left as usize + dx];
-    (1.0 - fy) * ((1.0 - fx) * pixel(0, 0) + fx * pixel(1, 0)) + fy * ((1.0 - fx) * pixel(0, 1) + fx * pixel(1, 1))
+    (1.0 - fy) * ((1.0 - fx) * pixel(0, 0) + fx * pixel(1, 0))
+        + fy * ((1.0 - fx) * pixel(0, 1) + fx * pixel(1, 1))
 }
 
 /// The shift of `ours` that correlates best with `truth` over the pixels, and that correlation.

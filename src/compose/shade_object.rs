@@ -59,7 +59,8 @@ impl LightTerms {
                 continue;
             }
             let to_light_world = direction.to_array();
-            terms.hard.push(HardLight { to_light_world, irradiance_rgb });
+            let extent_rad = finite(hard.extent_rad).max(0.0);
+            terms.hard.push(HardLight { to_light_world, irradiance_rgb, extent_rad });
             let mut y = [0.0f32; MAX_COEFFICIENTS];
             basis::evaluate(order, to_light_world, &mut y);
             for (row, y) in terms.total_rgb.iter_mut().zip(y).take(count) {

@@ -1,5 +1,6 @@
 //! Layer 5: wiring. From settings to a running pipeline.
 
+pub mod blocker_spheres;
 pub mod cache_folder;
 pub mod engines;
 pub mod picture_folder;

@@ -1,6 +1,6 @@
 //! Runs the pipeline as the settings say.
 
-use super::{engines, picture_folder::PictureFolder};
+use super::{blocker_spheres, engines, picture_folder::PictureFolder};
 use crate::assets::scene as scene_file;
 use crate::config::settings::{RunMode, Settings};
 use crate::device::{
@@ -93,7 +93,9 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
     let file =
         scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
-    Ok((file.scene_with_ball(rig.ball.as_ref()), rig))
+    let mut scene = file.scene_with_ball(rig.ball.as_ref());
+    blocker_spheres::fit(&mut scene);
+    Ok((scene, rig))
 }
 
 /// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.

@@ -1,6 +1,7 @@
 //! From estimates to the shown picture: plan, then draw.
 
 use super::Options;
+use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
@@ -21,6 +22,9 @@ use crate::plan::{
 /// Plans and draws.
 pub struct Presenting {
     scene: Scene,
+    posed: Posed,
+    /// The scene's time 0: the first picture's.
+    start: Option<Timestamp>,
     nothing: Scene,
     plan: FramePlan,
     picture: Picture,
@@ -32,7 +36,9 @@ impl Presenting {
     /// Takes the scene that the engine was given, to plan with.
     pub fn new(scene: Scene, options: &Options) -> Self {
         Self {
+            posed: Posed::new(&scene),
             scene,
+            start: None,
             nothing: Scene::default(),
             plan: FramePlan::default(),
             picture: Picture::default(),
@@ -58,6 +64,8 @@ impl Presenting {
         response: &Response,
         t: Timestamp,
     ) -> Result<(), &'static str> {
+        let start = *self.start.get_or_insert(t);
+        self.posed.update(&self.scene, t.seconds_since(start));
         let occasion = Occasion { camera: Some((lens, world_from_camera)), ..Occasion::SHOW };
         effects::plan(&occasion, &self.scene, light, &self.quality, &mut self.plan);
         let input = RelightInput {
@@ -66,7 +74,7 @@ impl Presenting {
             world_from_camera,
             light,
             environment: None,
-            posed: None,
+            posed: Some(&self.posed),
             response,
             shown_exposure: self.shown_exposure.chosen,
             t,

@@ -53,7 +53,9 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     let seen = objects
         && occasion.camera.is_none_or(|(lens, pose)| {
             let cone = ViewCone::new(lens, pose);
-            scene.objects.iter().any(|o| cone.may_see(o))
+            // What moves may be anywhere.
+            scene.figures.iter().any(|f| !f.is_still() && !f.parts.is_empty())
+                || scene.objects.iter().any(|o| cone.may_see(o))
         });
     let hard = || {
         let shines = |e: &[f32; 3]| e.iter().any(|&e| e > 0.0 && e.is_finite());
@@ -244,7 +246,7 @@ mod tests {
 
     fn sun(to_light_world: [f32; 3], e: f32) -> Lights {
         let mut lights = Lights::soft(RadianceSh::zero(4));
-        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3] });
+        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3], extent_rad: 0.0 });
         lights
     }
 

@@ -2,12 +2,14 @@
 //! Sphere Set Approximation for Solid Objects", 2006).
 //!
 //! The mesh's volume is cut into about 16,000 cubes (`voxels`). With V its volume, the spheres S are chosen so that
-//! `COVERED |S within V| - |S outside V| - OVERLAP (sum of |S_i| - |S|)` is as large as can be found: first by
+//! `COVERED |S within V| - |S outside V| - OVERLAP (sum of |S_i| - |S|)` is as large as can be found, where the
+//! cubes of thin parts and those beside them count more (`thickness`): first by
 //! clustering the inner cubes (farthest points, then Lloyd's iteration), then by moving one sphere at a time to a better
 //! place and size, then by taking the sphere that serves least and putting it where most is uncovered, for as long as
 //! that helps. All in a fixed order: equal meshes give equal spheres.
 
 mod refine;
+mod thickness;
 mod voxels;
 
 use glam::Vec3;
@@ -19,7 +21,7 @@ pub const MIN_COUNT: usize = 4;
 /// Most spheres.
 pub const MAX_COUNT: usize = 64;
 /// Changes with the result, so that older results are not taken for this one's.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// A sphere in the frame of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -30,7 +30,6 @@ echo "== Light of an angular map and of an equirectangular picture"
 "$program" light "$shared/data/hdr/rooitou_park_1k.hdr" --as equirect --order 4
 
 echo "== A robot on the pouf, in the light that the mirror ball saw"
-# Order 3: the light there is soft, and the third band of order 4 leaves no directional light at all. The faint shadow is
-# what one hard light can give; the soft shadow that belongs there needs lights with extent.
-"$program" render "$here/ola.toml" --sh-order 3 --out "$out/robot_on_pouf.png"
+# Many maps: the lamps and the window are wide, and their shadows soft.
+"$program" render "$here/ola.toml" --shadow-maps 32 --out "$out/robot_on_pouf.png"
 echo "results in $out"

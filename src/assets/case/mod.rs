@@ -19,6 +19,9 @@ use crate::{
 use glam::{Affine3A, DVec3, Vec3};
 use std::path::{Path, PathBuf};
 
+/// Spheres that are fitted to an object that is none.
+const FITTED_SPHERES: usize = 20;
+
 /// A case as it stands in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
@@ -299,17 +302,19 @@ impl Case {
         let objects = self.objects(image)?;
         // About 30,000 triangles for all spheres together, at least 1280 each.
         let subdivisions = if self.spheres(image)?.len() > 5 { 3 } else { 4 };
-        let bodies = objects.iter().enumerate().filter_map(|(index, geometry)| match geometry.shape {
-            Shape::Sphere { centre, radius } => {
-                let place = Affine3A::from_translation(centre.as_vec3());
-                let whole = std::iter::once((Vec3::ZERO, radius as f32));
-                Some(Figure::still(geometry.name.clone(), index, place, whole))
-            }
-            _ => None,
-        });
-        let figures = bodies.collect();
-        let objects = objects.into_iter().map(|geometry| {
+        let mut figures = Vec::new();
+        let objects = objects.into_iter().enumerate().map(|(index, geometry)| {
             let (mesh, world_from_object, convex) = tessellate(&geometry.shape, subdivisions)?;
+            // A sphere stands for itself; spheres for the others are fitted when they are asked for.
+            let own = match geometry.shape {
+                Shape::Sphere { radius, .. } => Some((Vec3::ZERO, radius as f32)),
+                _ => None,
+            };
+            let mut body = Figure::still(geometry.name.clone(), index, world_from_object, own.into_iter());
+            if own.is_none() {
+                body.sphere_count = FITTED_SPHERES;
+            }
+            figures.push(body);
             let openness = if convex {
                 vec![1.0; mesh.positions.len()]
             } else {
@@ -328,11 +333,8 @@ impl Case {
             };
             Ok(RealSurface { name: geometry.name.clone(), mesh, receives_shadow: true, albedo_rgb })
         });
-        Ok(Scene {
-            objects: objects.collect::<Result<_, AssetError>>()?,
-            surfaces: surfaces.collect::<Result<_, AssetError>>()?,
-            figures,
-        })
+        let objects = objects.collect::<Result<_, AssetError>>()?;
+        Ok(Scene { objects, surfaces: surfaces.collect::<Result<_, AssetError>>()?, figures })
     }
 }
 

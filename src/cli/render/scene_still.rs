@@ -11,6 +11,7 @@ use crate::compose::{
     raster::{self, Fragment, Projected, Rays, View},
     shade_object::{LightTerms, soft_over_pi, unshadowed},
 };
+use crate::daemon::blocker_spheres;
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::{
@@ -99,7 +100,7 @@ pub fn of_scene(
             global.rgb[0] = constant_rgb.map(|c| c * (4.0 * std::f32::consts::PI).sqrt());
             let mut lights = Lights::soft(global);
             if let &Some((to_light_world, irradiance_rgb)) = direct {
-                lights.hard.push(HardLight { to_light_world, irradiance_rgb });
+                lights.hard.push(HardLight { to_light_world, irradiance_rgb, extent_rad: 0.0 });
             }
             lights
         }
@@ -116,6 +117,8 @@ pub fn of_scene(
         light.hard.as_slice().len(),
         light.global.order
     ));
+    let mut scene = file.scene.clone();
+    blocker_spheres::fit(&mut scene);
     let (background, exposure_s) = match &place {
         Some(loaded) => {
             (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))
@@ -123,7 +126,7 @@ pub fn of_scene(
         None => (gray_surfaces(file, camera, &light), None),
     };
     Ok(Still {
-        scene: file.scene.clone(),
+        scene,
         lens: camera.lens,
         world_from_camera: camera.world_from_camera,
         light,

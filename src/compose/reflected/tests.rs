@@ -49,7 +49,11 @@ fn sun_and_sky() -> LightTerms {
     let mut global = RadianceSh::zero(4);
     global.rgb[0] = [(4.0 * PI).sqrt(); 3];
     let mut lights = Lights::soft(global);
-    lights.hard.push(HardLight { to_light_world: [0.0, 0.0, 1.0], irradiance_rgb: [PI, 2.0 * PI, 0.0] });
+    lights.hard.push(HardLight {
+        to_light_world: [0.0, 0.0, 1.0],
+        irradiance_rgb: [PI, 2.0 * PI, 0.0],
+        extent_rad: 0.0,
+    });
     LightTerms::of(&lights)
 }
 

@@ -29,7 +29,11 @@ fn shade(
 
 fn sun(to_light_world: Vec3, irradiance_rgb: [f32; 3], global: RadianceSh) -> LightTerms {
     let mut lights = Lights::soft(global);
-    lights.hard.push(HardLight { to_light_world: to_light_world.to_array(), irradiance_rgb });
+    lights.hard.push(HardLight {
+        to_light_world: to_light_world.to_array(),
+        irradiance_rgb,
+        extent_rad: 0.0,
+    });
     LightTerms::of(&lights)
 }
 
@@ -76,7 +80,7 @@ fn every_hard_light_adds_its_own() {
     let mut lights = Lights::soft(RadianceSh::zero(3));
     let (one, two) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.28, 0.0, 0.96));
     for (w, e) in [(one, [3.0, 0.0, 1.0]), (two, [0.0, 2.0, 1.0]), (Vec3::NEG_Z, [9.0; 3])] {
-        lights.hard.push(HardLight { to_light_world: w.to_array(), irradiance_rgb: e });
+        lights.hard.push(HardLight { to_light_world: w.to_array(), irradiance_rgb: e, extent_rad: 0.0 });
     }
     let light = LightTerms::of(&lights);
     let seen = shade(&light, &MaterialTerms::of(&MATERIALS[0]), &point(Vec3::Z, Vec3::Z), |k| {

@@ -25,7 +25,7 @@ impl SurroundingsBuffers {
     pub fn new() -> Self {
         Self {
             uniform: GrowingBuffer::uniform("surroundings"),
-            environment: KeptTexture::result("environment", wgpu::TextureFormat::Rgba32Float),
+            environment: KeptTexture::uploaded("environment", wgpu::TextureFormat::Rgba32Float),
             terms: bytemuck::zeroed_box(),
             texels: Vec::new(),
             revision: None,

@@ -165,7 +165,7 @@ pub fn product<T: Real, const N: usize, const L: usize>(
     g: &LaneSh<T, L>,
     out: &mut LaneSh<T, L>,
 ) {
-    if L <= PRODUCT_LANES || L % PRODUCT_LANES != 0 {
+    if L <= PRODUCT_LANES || !L.is_multiple_of(PRODUCT_LANES) {
         return rings::product::<T, N, L>(f, g, out);
     }
     for first in (0..L).step_by(PRODUCT_LANES) {

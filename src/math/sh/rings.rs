@@ -144,7 +144,7 @@ fn from_ring<T: Real, const N: usize, const M: usize, const L: usize>(
         let apart = above[M][part] - below[M][part];
         for l in M..N {
             let i = if part == 0 { l * (l + 1) + M } else { l * (l + 1) - M };
-            let side = if (l - M) % 2 == 0 { both } else { apart };
+            let side = if (l - M).is_multiple_of(2) { both } else { apart };
             out[i] += side * ring.weighted[place(l, M)];
         }
     }

@@ -23,6 +23,8 @@ const STEPS: [f64; 5] = [3.0, 1.5, 0.75, 0.4, 0.2];
 const ROUNDS: usize = 24;
 /// Smallest radius, cubes.
 const SMALLEST: f64 = 0.75;
+/// So many spheres are moved elsewhere in vain before it ends.
+const MOST_VAIN: usize = 8;
 /// How many uncovered cubes are tried as a sphere's new place.
 const PLACES: usize = 160;
 /// Radii that are tried there, cubes.
@@ -96,7 +98,7 @@ fn better(voxels: &Voxels, sphere: Found, step: f64) -> Found {
 
 /// Takes the sphere that brings least and puts it where a new one brings most, for as long as the whole gains.
 pub fn relocate(voxels: &mut Voxels, spheres: &mut Vec<Found>, progress: &mut dyn FnMut(f32)) {
-    let tries = 2 * spheres.len() + 4;
+    let tries = 3 * spheres.len() + MOST_VAIN;
     let mut banned: Vec<Found> = Vec::new();
     for attempt in 0..tries {
         progress(attempt as f32 / tries as f32);
@@ -120,8 +122,8 @@ pub fn relocate(voxels: &mut Voxels, spheres: &mut Vec<Found>, progress: &mut dy
         } else {
             banned.clear();
         }
-        // Three in a row that could not be placed better: neither can the others.
-        if banned.len() >= 3 {
+        // So many in a row could not be placed better: neither can the others.
+        if banned.len() >= MOST_VAIN {
             break;
         }
     }

@@ -1,6 +1,6 @@
 //! A mesh's volume as cubes, and how many spheres cover each.
 
-use super::refine::Found;
+use super::{refine::Found, thickness::weights};
 use crate::math::bvh::Bvh;
 use glam::{DVec3, Vec3};
 
@@ -18,6 +18,7 @@ pub struct Voxels {
     size: [i32; 3],
     inside: Vec<bool>,
     covered: Vec<u8>,
+    weights: Vec<f32>,
     /// Cube (0, 0, 0)'s centre in the mesh's frame.
     pub origin: DVec3,
     /// A cube's side there.
@@ -48,6 +49,7 @@ impl Voxels {
             voxels = first;
             voxels.mark_surface(positions, triangles);
         }
+        voxels.weights = weights(voxels.size, &voxels.inside);
         Some(voxels)
     }
 
@@ -65,7 +67,8 @@ impl Voxels {
         let size = [cells.x as i32 + 1, cells.y as i32 + 1, cells.z as i32 + 1];
         let total = size.iter().map(|&n| n as usize).product();
         let mut votes = vec![0i8; total];
-        let mut voxels = Self { size, inside: Vec::new(), covered: vec![0; total], origin, cell };
+        let mut voxels =
+            Self { size, inside: Vec::new(), covered: vec![0; total], weights: Vec::new(), origin, cell };
         let mut crossings: Vec<(f32, i32)> = Vec::new();
         for axis in 0..3 {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -183,19 +186,27 @@ impl Voxels {
     }
 
     /// What a sphere that is not counted in would bring: `newly` for each inner cube it covers first, -1 for each outer
-    /// one, `-again` for each cube that is covered already.
+    /// one, `-again` for each cube that is covered already, all times the cubes' weights.
     pub fn gain(&self, sphere: &Found, newly: f64, again: f64) -> f64 {
-        let (mut fresh, mut outer, mut twice) = (0u32, 0u32, 0u32);
+        let (newly, again) = (newly as f32, again as f32);
+        let mut sum = 0.0f64;
         let beyond = self.rows(sphere, |first, count| {
-            let cubes = self.covered[first..first + count].iter().zip(&self.inside[first..first + count]);
-            for (&cover, &inside) in cubes {
-                let free = u32::from(cover == 0);
-                fresh += free & u32::from(inside);
-                outer += free & u32::from(!inside);
-                twice += 1 - free;
+            let range = first..first + count;
+            let cubes = self.covered[range.clone()].iter().zip(&self.inside[range.clone()]);
+            let mut row = 0.0f32;
+            for ((&cover, &inside), weight) in cubes.zip(&self.weights[range]) {
+                let worth = if cover > 0 {
+                    -again
+                } else if inside {
+                    newly
+                } else {
+                    -1.0
+                };
+                row += worth * weight;
             }
+            sum += f64::from(row);
         });
-        newly * f64::from(fresh) - f64::from(outer) - beyond - again * f64::from(twice)
+        sum - beyond
     }
 
     /// Cubes of the union outside the mesh, cubes of the mesh in no sphere, cubes of the mesh.
