@@ -14,3 +14,4 @@ pub mod response;
 pub mod rig;
 pub mod scene;
 pub mod time;
+pub mod transfer;
