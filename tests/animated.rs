@@ -63,7 +63,10 @@ fn the_walker_walks_on_the_table() {
     let (with, relit) = run(&walker, 8);
     assert!(relit >= 5, "{relit} of 8 frames relit");
     // Against the same frames with nothing virtual: the figure, and its shadow.
-    let nothing = scene_with("nothing", "name = \"far\"\nshape = \"sphere\"\nradius_m = 0.01\nposition = [5.0, 5.0, 0.0]\n");
+    let nothing = scene_with(
+        "nothing",
+        "name = \"far\"\nshape = \"sphere\"\nradius_m = 0.01\nposition = [5.0, 5.0, 0.0]\n",
+    );
     let (without, _) = run(&nothing, 8);
     let share = changed(&with[1], &without[1]);
     println!("{:.1} % of the pixels are the figure's or its shadow's", 100.0 * share);

@@ -55,8 +55,8 @@ pub struct Arguments {
     /// Draw so many times more and report the median time of each pass.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub repeat: usize,
-    #[command(flatten)]
     /// Accuracy against time.
+    #[command(flatten)]
     pub quality: QualityFlags,
 }
 
