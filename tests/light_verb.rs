@@ -115,6 +115,74 @@ fn json_has_its_keys_and_the_light_of_a_lamp() {
     assert!(vector(&mirrored["to_light"]).distance(DVec3::NEG_Y) < 1e-6);
 }
 
+/// Light from above in other programs' shapes: y is up there, and the signs are those that their shaders take.
+#[test]
+fn shapes_of_other_programs() {
+    let folder = Folder::new("shapes");
+    let sky = folder.exr("sky.exr", 64, 32, |_, y| if y < 16 { [2.0, 1.0, 0.5] } else { [0.0; 3] });
+    let shape = |name: &str| -> Value {
+        let (status, out, errors) = light(&[&sky, "--as", "equirect", "--format", name]);
+        assert_eq!(status, 0, "{errors}");
+        serde_json::from_str(&out).unwrap()
+    };
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+    };
+    let up = |v: &Value| ["x", "y", "z"].map(|axis| v[axis].as_f64().unwrap());
+    assert_eq!(shape("json"), json(&[&sky, "--as", "equirect"]));
+    let [x, y, z] = up(&shape("webxr")["primaryLightDirection"]);
+    assert!(y > 0.999_999 && x.abs() < 1e-5 && z.abs() < 1e-5);
+    let web = shape("webxr");
+    // Red of the main light: the net flux, 2 pi of a half space of radiance 2.
+    let [red, green, _] = up(&web["primaryLightIntensity"]);
+    assert!((red - 2.0 * std::f64::consts::PI).abs() < 0.02 && (red / green - 2.0).abs() < 1e-4, "{red}");
+    assert_eq!(
+        (web["primaryLightDirection"]["w"].as_f64(), web["primaryLightIntensity"]["w"].as_f64()),
+        (Some(0.0), Some(1.0))
+    );
+    let ambient = numbers(&web["sphericalHarmonicsCoefficients"]);
+    assert_eq!(ambient.len(), 27);
+
+    let android = shape("android-xr");
+    let valid = "XR_LIGHT_ESTIMATE_STATE_VALID_ANDROID";
+    assert_eq!(android["XrLightEstimateANDROID"]["state"], valid);
+    assert_eq!(android["XrLightEstimateANDROID"]["lastUpdatedTime"], 0);
+    assert_eq!(android["XrDirectionalLightANDROID"]["state"], valid);
+    assert!(up(&android["XrDirectionalLightANDROID"]["direction"])[1] > 0.999_999);
+    let [total, rest] = android["XrSphericalHarmonicsANDROID"].as_array().unwrap().as_slice() else {
+        panic!("{android}")
+    };
+    assert_eq!(total["kind"], "XR_SPHERICAL_HARMONICS_KIND_TOTAL_ANDROID");
+    assert_eq!(rest["kind"], "XR_SPHERICAL_HARMONICS_KIND_AMBIENT_ANDROID");
+    // Row 1 goes with -y there, with +y in WebXR: all of the light comes from above.
+    let row = |harmonics: &Value, i: usize| numbers(&harmonics["coefficients"][i]);
+    assert!(row(total, 1)[0] < -1.0 && row(total, 2)[0].abs() < 1e-5 && row(total, 3)[0].abs() < 1e-5);
+    for c in 0..3 {
+        assert!((row(rest, 1)[c] + ambient[3 + c]).abs() < 1e-6);
+        assert!((row(rest, 6)[c] - ambient[18 + c]).abs() < 1e-6);
+    }
+
+    let three = shape("threejs");
+    let children = three["object"]["children"].as_array().unwrap();
+    assert_eq!(
+        (children[0]["type"].as_str(), children[1]["type"].as_str()),
+        (Some("LightProbe"), Some("DirectionalLight"))
+    );
+    assert_eq!(numbers(&children[0]["sh"]), ambient);
+    let place = &numbers(&children[1]["matrix"])[12..15];
+    assert!(place[1] > 0.999_999, "{place:?}");
+    assert!((children[1]["intensity"].as_f64().unwrap() - red).abs() < 1e-6);
+    // (1, 1/2, 1/4) in 8 bits through sRGB.
+    assert_eq!(children[1]["color"].as_u64(), Some(0xff_bc_89));
+
+    // Without a direction the main light is dark, straight above, and told to be invalid.
+    let flat = folder.exr("flat.exr", 64, 32, |_, _| [1.0; 3]);
+    let (_, out, _) = light(&[&flat, "--as", "equirect", "--format", "android-xr"]);
+    let flat_android: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(flat_android["XrDirectionalLightANDROID"]["state"], "XR_LIGHT_ESTIMATE_STATE_INVALID_ANDROID");
+    refused(&[&flat, "--as", "equirect", "--format", "xml"], &["--format", "android-xr", "webxr", "threejs"]);
+}
+
 #[test]
 fn six_faces_one_cube() {
     let folder = Folder::new("faces");

@@ -268,13 +268,16 @@ impl Shot {
         light.hard.push(HardLight {
             to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
             irradiance_rgb: [3.0, 2.8, 2.4],
+            extent_rad: 0.0,
         });
         // Six maps: an array that a GL driver could take for a cube map.
         for k in 0..5 {
             let to_light = Vec3::new(-0.5 + 0.05 * k as f32, 0.2, 0.8 - 0.1 * k as f32).normalize();
-            light
-                .hard
-                .push(HardLight { to_light_world: to_light.to_array(), irradiance_rgb: [0.2, 0.25, 0.3] });
+            light.hard.push(HardLight {
+                to_light_world: to_light.to_array(),
+                irradiance_rgb: [0.2, 0.25, 0.3],
+                extent_rad: 0.0,
+            });
         }
         let mut plan = FramePlan::default();
         let soft_step_px = coverage_samples;

@@ -3,8 +3,10 @@
 pub mod clipped;
 pub mod compact;
 pub mod cone;
+pub mod dering;
 pub mod fill;
 pub mod follow;
+pub mod foreign;
 pub mod halve;
 pub mod maps;
 pub mod place_ball;

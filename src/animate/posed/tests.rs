@@ -149,7 +149,8 @@ fn times_and_references_out_of_range_are_taken() {
         }
     }
     let mut again = Posed::new(&scene);
-    (again.update(&scene, 0.37), posed.update(&scene, 0.37));
+    again.update(&scene, 0.37);
+    posed.update(&scene, 0.37);
     assert_eq!(
         (again.objects()[1].positions_world.clone(), again.spheres().len()),
         (posed.objects()[1].positions_world.clone(), posed.spheres().len())

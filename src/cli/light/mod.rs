@@ -1,6 +1,7 @@
 //! `halflight light`: the light of a place, from a picture of it.
 
 mod ball;
+mod formats;
 mod input;
 mod report;
 
@@ -34,10 +35,18 @@ with --times as one bracket.
 to_light, a unit vector or null; irradiance_rgb, of a surface that faces the light; residual_sh_rgb, what is left
 without it; cone95_rad, half angle of the cone that should hold the true direction (pi: unknown), from what had to be
 guessed; flags.
+--format prints JSON for other programs, bands 0 to 2, y up (x, z, -y of ours), all coefficients of radiance:
+  android-xr  the structures of XR_ANDROID_light_estimation: SH with and without the main light, direction towards it,
+              intensity (irradiance of a surface that faces it); Condon-Shortley sign, as in the shaders published for
+              ARCore; lastUpdatedTime is 0 for a still
+  webxr       an XRLightEstimate: 27 numbers without the main light, and that; no Condon-Shortley sign (the
+              specification leaves it open; this is what three.js takes it for)
+  threejs     what ObjectLoader reads: a group of a LightProbe (without the main light) and a DirectionalLight
 
 Examples:
   halflight light sky.hdr --as equirect --order 4 --out sky.png
   halflight light probe.dds --as cube --axes y-up --json
+  halflight light sky.hdr --as equirect --format threejs > sky.json
   halflight light px.exr nx.exr py.exr ny.exr pz.exr nz.exr --as cube
   halflight light --as ball --case reference/f5_sun_beach
   halflight light a.jpg b.jpg c.jpg --times 1/10,1/40,1/160 --as ball --response solve \\
@@ -63,6 +72,9 @@ pub struct Arguments {
     /// .hdr, or .png (8 bits through sRGB, nine tenths of the pixels below 0.8).
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Print the light as JSON in this shape.
+    #[arg(long, value_enum, value_name = "SHAPE")]
+    pub format: Option<formats::Shape>,
     /// Rows of that picture; it has twice as many columns.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub out_height: u16,
@@ -200,14 +212,14 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         notes,
     };
     let digest = report::picture(&arguments, common, format, &measured.samples)?;
-    if common.json {
-        report::json(&measured);
-    } else {
-        report::text(&arguments, &measured);
+    let shape = arguments.format.or(common.json.then_some(formats::Shape::Json));
+    match shape {
+        Some(shape) => report::json(&measured, shape),
+        None => report::text(&arguments, &measured),
     }
     match digest {
         // JSON on standard output stays alone there.
-        Some(digest) if common.json => eprintln!("digest    {digest}"),
+        Some(digest) if shape.is_some() => eprintln!("digest    {digest}"),
         Some(digest) => println!("digest    {digest}"),
         None => {}
     }

@@ -1,6 +1,9 @@
 //! What `halflight light` tells: text, JSON, picture.
 
-use super::{Arguments, CliError, Measured};
+use super::{
+    Arguments, CliError, Measured,
+    formats::{self, Shape},
+};
 use crate::assets::pictures;
 use crate::cli::common::{Common, PixelDigest};
 use crate::light::maps;
@@ -77,24 +80,9 @@ fn display(radiance: &RadianceImage) -> Rgb8Image {
     Rgb8Image::from_pixels(radiance.width(), radiance.height(), pixels).unwrap_or_default()
 }
 
-/// The stable JSON.
-pub fn json(measured: &Measured) {
-    let direct = measured.split.direct;
-    let flags = &measured.flags;
-    let report = serde_json::json!({
-        "order": measured.total.order,
-        "sh_rgb": measured.total.rows(),
-        "to_light": direct.map(|d| d.to_light_world),
-        "irradiance_rgb": direct.map_or([0.0; 3], |d| d.irradiance_rgb),
-        "residual_sh_rgb": measured.split.global.rows(),
-        "cone95_rad": measured.cone95_rad,
-        "flags": {
-            "filled_share": flags.filled_share,
-            "saturated_texels": flags.saturated_texels,
-            "not_finite_texels": flags.not_finite_texels,
-            "texels": flags.texels,
-        },
-    });
+/// The light as JSON, alone on standard output.
+pub fn json(measured: &Measured, shape: Shape) {
+    let report = formats::of(measured, shape);
     for note in measured.notes.iter().filter(|note| note.starts_with("warning")) {
         eprintln!("{note}");
     }

@@ -154,6 +154,7 @@ pub fn split_for_objects(
                 hard.push(HardLight {
                     to_light_world: to_light.as_vec3().to_array(),
                     irradiance_rgb: irradiance_rgb.map(|e| e as f32),
+                    extent_rad: 0.0,
                 });
             }
             Source::Constant(radiance) => {

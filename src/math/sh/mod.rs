@@ -3,6 +3,7 @@
 
 pub mod basis;
 pub mod cap;
+pub mod dering;
 pub mod lanes;
 pub mod log_exp;
 pub mod product;

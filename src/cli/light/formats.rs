@@ -1,0 +1,133 @@
+//! `--format`: the light as JSON, in our own shape and in those of other programs.
+
+use super::Measured;
+use crate::light::foreign::{Phase, YUpLight, y_up_light};
+use serde_json::{Value, json};
+
+/// Shapes of JSON.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Our own, as --json prints it.
+    Json,
+    /// The structures of the OpenXR extension XR_ANDROID_light_estimation.
+    AndroidXr,
+    /// An XRLightEstimate of WebXR.
+    Webxr,
+    /// A scene that ObjectLoader of three.js reads.
+    #[value(name = "threejs")]
+    ThreeJs,
+}
+
+/// The light in a shape.
+pub fn of(measured: &Measured, shape: Shape) -> Value {
+    let y_up = |phase| y_up_light(&measured.total, &measured.split, phase);
+    match shape {
+        Shape::Json => own(measured),
+        Shape::AndroidXr => android_xr(&y_up(Phase::CondonShortley), STILL_NS),
+        Shape::Webxr => webxr(&y_up(Phase::Plain)),
+        Shape::ThreeJs => three_js(&y_up(Phase::Plain)),
+    }
+}
+
+/// Time of a still, which has none.
+const STILL_NS: i64 = 0;
+
+fn own(measured: &Measured) -> Value {
+    let direct = measured.split.direct;
+    let flags = &measured.flags;
+    json!({
+        "order": measured.total.order,
+        "sh_rgb": measured.total.rows(),
+        "to_light": direct.map(|d| d.to_light_world),
+        "irradiance_rgb": direct.map_or([0.0; 3], |d| d.irradiance_rgb),
+        "residual_sh_rgb": measured.split.global.rows(),
+        "cone95_rad": measured.cone95_rad,
+        "flags": {
+            "filled_share": flags.filled_share,
+            "saturated_texels": flags.saturated_texels,
+            "not_finite_texels": flags.not_finite_texels,
+            "texels": flags.texels,
+        },
+    })
+}
+
+fn vector([x, y, z]: [f32; 3]) -> Value {
+    json!({ "x": x, "y": y, "z": z })
+}
+
+/// XrLightEstimateANDROID with what is chained to it. Without a main light its structure is invalid (its numbers then
+/// mean nothing) and the ambient light is all.
+fn android_xr(light: &YUpLight, updated_ns: i64) -> Value {
+    let state = |valid: bool| {
+        let word = if valid { "VALID" } else { "INVALID" };
+        format!("XR_LIGHT_ESTIMATE_STATE_{word}_ANDROID")
+    };
+    let finite = |rows: &[[f32; 3]]| rows.iter().flatten().all(|c| c.is_finite());
+    let harmonics = |kind: &str, rows: &[[f32; 3]; 9]| {
+        json!({
+            "kind": format!("XR_SPHERICAL_HARMONICS_KIND_{kind}_ANDROID"),
+            "state": state(finite(rows)),
+            "coefficients": rows,
+        })
+    };
+    let main = light.main.as_ref();
+    json!({
+        "XrLightEstimateANDROID": {
+            "state": state(finite(&light.total_rgb)),
+            "lastUpdatedTime": updated_ns,
+        },
+        "XrDirectionalLightANDROID": {
+            "state": state(main.is_some()),
+            "intensity": vector(main.map_or([0.0; 3], |m| m.irradiance_rgb)),
+            "direction": vector(main.map_or([0.0, 1.0, 0.0], |m| m.to_light_y_up)),
+        },
+        "XrSphericalHarmonicsANDROID": [
+            harmonics("TOTAL", &light.total_rgb),
+            harmonics("AMBIENT", &light.ambient_rgb),
+        ],
+    })
+}
+
+/// XRLightEstimate. Without a main light it comes from straight above and is dark, as the specification wants it.
+fn webxr(light: &YUpLight) -> Value {
+    let point = |[x, y, z]: [f32; 3], w: f32| json!({ "x": x, "y": y, "z": z, "w": w });
+    let (to_light, irradiance) =
+        light.main.map_or(([0.0, 1.0, 0.0], [0.0; 3]), |m| (m.to_light_y_up, m.irradiance_rgb));
+    json!({
+        "sphericalHarmonicsCoefficients": light.ambient_rgb.as_flattened(),
+        "primaryLightDirection": point(to_light, 0.0),
+        "primaryLightIntensity": point(irradiance, 1.0),
+    })
+}
+
+/// A group that lights a scene of three.js: the probe, and the main light shining at the origin. three.js keeps colours
+/// of lights in 8 bits through sRGB; the exact irradiance is in `userData`.
+fn three_js(light: &YUpLight) -> Value {
+    let mut children = vec![json!({
+        "type": "LightProbe",
+        "name": "ambient",
+        "intensity": 1.0,
+        "sh": light.ambient_rgb.as_flattened(),
+    })];
+    if let Some(main) = &light.main {
+        let strongest = main.irradiance_rgb.iter().fold(0.0f32, |most, &e| most.max(e));
+        let colour = main.irradiance_rgb.iter().fold(0u32, |hex, &e| {
+            let share = if strongest > 0.0 { (e / strongest).clamp(0.0, 1.0) } else { 1.0 };
+            (hex << 8) | (255.0 * crate::math::color::srgb_encode(share)).round() as u32
+        });
+        let [x, y, z] = main.to_light_y_up;
+        children.push(json!({
+            "type": "DirectionalLight",
+            "name": "main",
+            "color": colour,
+            "intensity": strongest,
+            // Column by column: only its place, which is what gives the direction.
+            "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1],
+            "userData": { "irradiance_rgb": main.irradiance_rgb },
+        }));
+    }
+    json!({
+        "metadata": { "version": 4.6, "type": "Object", "generator": "halflight" },
+        "object": { "type": "Group", "name": "light", "children": children },
+    })
+}
