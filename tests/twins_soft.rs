@@ -312,7 +312,7 @@ fn moved_objects(backend: Backend) {
     let mut cpu = CpuEngine::new(None).expect("threads");
     let mut light = soft_light(4);
     let to_light_world = Vec3::new(0.4, 0.3, 0.7).normalize().to_array();
-    light.hard.push(HardLight { to_light_world, irradiance_rgb: [6.0, 5.5, 5.0] });
+    light.hard.push(HardLight { to_light_world, irradiance_rgb: [6.0, 5.5, 5.0], extent_rad: 0.0 });
     let quality = Quality { soft_step_px: 1, coverage_samples: 1, ..Quality::default() };
     let mut shot = Shot::new(moving(), light, &quality);
     let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);

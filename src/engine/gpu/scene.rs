@@ -480,7 +480,7 @@ mod tests {
     fn the_depth_range_begins_before_everything() {
         let mut scene = SceneBuffers::new();
         assert_eq!(scene.near_m(Vec3::ZERO), 1.0);
-        scene.boxes = vec![(Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)];
+        scene.boxes = [Some((Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)), None];
         assert!((scene.near_m(Vec3::ZERO) - 0.15).abs() < 1e-7);
         assert_eq!(scene.near_m(Vec3::splat(0.5)), 1e-3);
     }
