@@ -34,7 +34,7 @@ release: tools-build
 	cargo build --release --locked
 
 demo: release tools-film
-	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/desk.toml --out out
+	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out
 
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real

@@ -5,6 +5,7 @@ pub mod common;
 pub mod devices;
 pub mod hdr;
 pub mod light;
+pub mod quality_flags;
 pub mod record;
 pub mod render;
 pub mod replay;
