@@ -11,7 +11,7 @@ use crate::compose::{
     raster::{self, Fragment, Projected, Rays, View},
     shade_object::{LightTerms, soft_over_pi, unshadowed},
 };
-use crate::daemon::blocker_spheres;
+use crate::daemon::{blocker_spheres, vertex_transfer};
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::{
@@ -119,6 +119,7 @@ pub fn of_scene(
     ));
     let mut scene = file.scene.clone();
     blocker_spheres::fit(&mut scene);
+    vertex_transfer::bake(&mut scene, quality);
     let (background, exposure_s) = match &place {
         Some(loaded) => {
             (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))
