@@ -17,6 +17,7 @@ use crate::math::lens::Lens;
 use crate::model::{
     blocker::Rung,
     light::MAX_HARD_LIGHTS,
+    picture::PictureView,
     quality::{Quality, SplitKind},
 };
 use crate::visibility::blockers::DIRECTIONS;
@@ -66,6 +67,12 @@ pub struct Arguments {
     /// What becomes of the light: compact lights with their extent, one light by net flux (paper, bounded), or none (sh).
     #[arg(long, value_name = "KIND", default_value = SplitKind::Compact.name())]
     pub split: String,
+    /// Damp the soft half of the light until it shines negatively on no surface; says what that costs.
+    #[arg(long)]
+    pub dering: bool,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW", default_value = PictureView::Final.name(), conflicts_with = "compare")]
+    pub view: String,
     /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions.
     #[arg(long, value_name = "RUNG", default_value = Rung::Directions.name())]
     pub rung: String,
@@ -100,6 +107,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let split = SplitKind::from_name(&arguments.split).ok_or_else(|| {
         CliError(format!("--split = {}: must be one of {}", arguments.split, SplitKind::NAMES.join(", ")))
     })?;
+    let view = view_named(&arguments.view)?;
     let rung = Rung::parse(&arguments.rung).ok_or_else(|| {
         let names = Rung::ALL.map(Rung::name).join(", ");
         CliError(format!("--rung = {}: must be one of {names}", arguments.rung))
@@ -120,6 +128,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     }
     let quality = Quality {
         split,
+        dering: arguments.dering,
         rung,
         directions: arguments.directions,
         soft_step_px: arguments.soft_step_px,
@@ -132,7 +141,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let mut engine = common.open_engine()?;
     let mut notes = Vec::new();
     let is_scene = arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (still, case) = if is_scene {
+    let (mut still, case) = if is_scene {
         if arguments.image.is_some() || arguments.width_px.is_some() {
             return Err(CliError(
                 "--image, --width-px: belong to reference cases, not to scene files".into(),
@@ -151,6 +160,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         };
         (still::of_case(&case, &image, &quality)?, Some((case, image)))
     };
+    still.view = view;
     let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
 
     if let (Some(out), Some(format)) = (&arguments.out, save) {
@@ -169,6 +179,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref(), &notes);
     Ok(())
+}
+
+/// What `--view` names.
+pub(super) fn view_named(name: &str) -> Result<PictureView, CliError> {
+    PictureView::from_name(name)
+        .ok_or_else(|| CliError(format!("--view = {name}: must be one of {}", PictureView::NAMES.join(", "))))
 }
 
 /// A lens for another number of columns.
