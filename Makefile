@@ -35,7 +35,7 @@ release: tools-build
 	cargo build --release --locked
 
 demo: release tools-film
-	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/desk.toml --out out
+	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out
 
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures

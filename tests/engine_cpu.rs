@@ -88,12 +88,20 @@ fn light() -> Lights {
     global.rgb[2] = [0.3, 0.3, 0.5];
     let mut light = Lights::soft(global);
     light.hard.push(sun(Vec3::new(0.4, 0.3, 0.7)));
-    light.hard.push(HardLight { to_light_world: [0.0, 0.6, 0.8], irradiance_rgb: [0.3, 0.2, 0.1] });
+    light.hard.push(HardLight {
+        to_light_world: [0.0, 0.6, 0.8],
+        irradiance_rgb: [0.3, 0.2, 0.1],
+        extent_rad: 0.0,
+    });
     light
 }
 
 fn sun(to_light: Vec3) -> HardLight {
-    HardLight { to_light_world: to_light.normalize().to_array(), irradiance_rgb: [3.0, 2.8, 2.4] }
+    HardLight {
+        to_light_world: to_light.normalize().to_array(),
+        irradiance_rgb: [3.0, 2.8, 2.4],
+        extent_rad: 0.0,
+    }
 }
 
 struct Frame {

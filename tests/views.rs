@@ -63,6 +63,7 @@ impl Place {
         light.hard.push(HardLight {
             to_light_world: Vec3::new(0.5, 0.3, 0.8).normalize().to_array(),
             irradiance_rgb: [3.0, 2.5, 2.0],
+            extent_rad: 0.0,
         });
         let mut background = HdrImage::default();
         background.radiance.reshape(WIDTH, HEIGHT, [0.7, 0.6, 0.5]);
@@ -267,7 +268,7 @@ fn every_shadow_map_is_on_the_sheet() {
     assert!(centre > 0.85, "{centre}");
     for k in 1..4 {
         let to_light_world = Vec3::new(0.2 * k as f32, -0.3, 0.8).normalize().to_array();
-        place.light.hard.push(HardLight { to_light_world, irradiance_rgb: [1.0; 3] });
+        place.light.hard.push(HardLight { to_light_world, irradiance_rgb: [1.0; 3], extent_rad: 0.0 });
     }
     let (share, _) = lit(&mut place);
     assert!((0.25..0.75).contains(&share), "{share}");

@@ -102,6 +102,7 @@ impl Frame {
         light.hard.push(HardLight {
             to_light_world: Vec3::new(0.4, 0.3, 0.7).normalize().to_array(),
             irradiance_rgb: [3.0, 2.8, 2.4],
+            extent_rad: 0.0,
         });
         let mut plan = FramePlan::default();
         effects::plan(&Occasion::SHOW, &scene, &light, &Quality::default(), &mut plan);

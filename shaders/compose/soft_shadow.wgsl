@@ -1,6 +1,6 @@
 // What spheres, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
-// the inverse depth, as bits of four floats, in a picture of every n-th pixel. The rung `directions`; the other rungs run
-// on the twin. Twin: src/compose/soft_shadow.rs (over src/visibility/blockers/directions.rs).
+// the inverse depth, as bits of four floats, in a picture of every n-th pixel. One fragment stage for the rung
+// `directions`, one for all others. Twin: src/compose/soft_shadow.rs (over src/visibility/blockers).
 
 struct SoftTerms {
     // Order of the light, spheres, directions, 0.
@@ -22,6 +22,7 @@ struct SoftTerms {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> soft: SoftTerms;
+@group(0) @binding(2) var<uniform> blockers: BlockerTerms;
 
 struct Seen {
     @builtin(position) clip: vec4<f32>,
@@ -41,18 +42,39 @@ fn vertex(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> S
     return seen;
 }
 
+// Rung `directions`, orders 1 to 6.
 @fragment
 fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
-    let facet = facet_normal(seen.point_world - view.eye.xyz, seen.clip.w);
-    var normal = facet;
-    if dot(seen.normal, seen.normal) > 0.0 {
-        normal = normalize(seen.normal) * select(-1.0, 1.0, front);
-    }
-    let inverse_depth = 1.0 / dot(view.forward.xyz, seen.point_world - view.eye.xyz);
     var out = vec3<f32>(0.0);
+    let normal = receiver_normal(seen, front);
     if seen.receives > 0.5 {
         out = taken(seen.point_world, normal);
     }
+    return picture(seen, out);
+}
+
+// The other rungs, orders 1 to 4.
+@fragment
+fn ladder(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
+    var out = vec3<f32>(0.0);
+    let normal = receiver_normal(seen, front);
+    if seen.receives > 0.5 {
+        let blocked = blocker_blocked(seen.point_world, normal, NO_BODY);
+        out = radiated(blocked, array<f32, 20>(), normal);
+    }
+    return picture(seen, out);
+}
+
+fn receiver_normal(seen: Seen, front: bool) -> vec3<f32> {
+    let facet = facet_normal(seen.point_world - view.eye.xyz, seen.clip.w);
+    if dot(seen.normal, seen.normal) > 0.0 {
+        return normalize(seen.normal) * select(-1.0, 1.0, front);
+    }
+    return facet;
+}
+
+fn picture(seen: Seen, out: vec3<f32>) -> vec4<u32> {
+    let inverse_depth = 1.0 / dot(view.forward.xyz, seen.point_world - view.eye.xyz);
     return vec4<u32>(bitcast<vec3<u32>>(out), bitcast<u32>(inverse_depth));
 }
 
@@ -109,6 +131,13 @@ fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     for (var i = 0u; i < 20u; i += 1u) {
         high[i] -= all * soft.means[4u + i / 4u][i % 4u];
     }
+    return radiated(low, high, normal) * soft.softness.z;
+}
+
+// What a white matt receiver radiates of the light that coefficients of blocked directions let in.
+fn radiated(low_in: array<f32, 16>, high_in: array<f32, 20>, normal: vec3<f32>) -> vec3<f32> {
+    var low = low_in;
+    var high = high_in;
     // The zonal lobe about the normal.
     var f_low = sh_low(normal);
     for (var i = 0u; i < 16u; i += 1u) {
@@ -148,7 +177,7 @@ fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
             at += 1u;
         }
     }
-    return sum * soft.softness.z;
+    return sum;
 }
 
 // l of coefficient l (l + 1) + m.

@@ -6,6 +6,7 @@ pub mod devices;
 pub mod figures;
 pub mod hdr;
 pub mod light;
+pub mod quality_flags;
 pub mod record;
 pub mod render;
 pub mod replay;

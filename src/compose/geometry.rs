@@ -121,6 +121,12 @@ impl ObjectGeometry {
         }
     }
 
+    /// Low and high corner of a box around all vertices that triangles use; low above high where there are none.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let vertices = self.triangles.iter().flatten().map(|&i| self.positions[i as usize]);
+        vertices.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |b, p| [b[0].min(p), b[1].max(p)])
+    }
+
     /// Moves the vertices of object `index` (world frame; lists of the object's own length, else nothing happens).
     pub fn pose(&mut self, index: usize, positions_world: &[Vec3], normals_world: &[Vec3]) {
         let Some((vertices, triangles)) = self.ranges.get(index).cloned() else { return };

@@ -54,7 +54,8 @@ impl LightTerms {
                 continue;
             }
             let to_light_world = direction.to_array();
-            terms.hard.push(HardLight { to_light_world, irradiance_rgb });
+            let extent_rad = finite(hard.extent_rad).max(0.0);
+            terms.hard.push(HardLight { to_light_world, irradiance_rgb, extent_rad });
             let mut y = [0.0f32; MAX_COEFFICIENTS];
             basis::evaluate(order, to_light_world, &mut y);
             for (row, y) in terms.total_rgb.iter_mut().zip(y).take(count) {
@@ -200,7 +201,11 @@ mod tests {
 
     fn sun(to_light_world: Vec3, irradiance_rgb: [f32; 3], global: RadianceSh) -> LightTerms {
         let mut lights = Lights::soft(global);
-        lights.hard.push(HardLight { to_light_world: to_light_world.to_array(), irradiance_rgb });
+        lights.hard.push(HardLight {
+            to_light_world: to_light_world.to_array(),
+            irradiance_rgb,
+            extent_rad: 0.0,
+        });
         LightTerms::of(&lights)
     }
 
@@ -247,7 +252,7 @@ mod tests {
         let mut lights = Lights::soft(RadianceSh::zero(3));
         let (one, two) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.28, 0.0, 0.96));
         for (w, e) in [(one, [3.0, 0.0, 1.0]), (two, [0.0, 2.0, 1.0]), (Vec3::NEG_Z, [9.0; 3])] {
-            lights.hard.push(HardLight { to_light_world: w.to_array(), irradiance_rgb: e });
+            lights.hard.push(HardLight { to_light_world: w.to_array(), irradiance_rgb: e, extent_rad: 0.0 });
         }
         let light = LightTerms::of(&lights);
         let seen = shade(&light, &MaterialTerms::of(&MATERIALS[0]), &point(Vec3::Z, Vec3::Z), |k| {

@@ -14,10 +14,22 @@ pub const TINY_IRRADIANCE: f32 = 1e-12;
 /// virtual objects take of the irradiance on the normal, E_g the soft half's, clamped at 0:
 /// `1 - blocked / (sum of E_k max(0, n.w_k) + E_g(n))`; 1 where no light falls.
 pub fn ratio(light: &LightTerms, normal: Vec3, blocked_rgb: [f32; 3]) -> [f32; 3] {
+    left_of(whole(light, normal), blocked_rgb)
+}
+
+/// Irradiance of all light on a normal where nothing is in its way: the sum of `ratio`.
+pub fn whole(light: &LightTerms, normal: Vec3) -> [f32; 3] {
     let (hard, soft) = (unshadowed(light, normal), soft_over_pi(light, normal));
+    std::array::from_fn(|c| hard[c] + (PI * soft[c]).max(0.0))
+}
+
+fn left_of(whole_rgb: [f32; 3], blocked_rgb: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| {
-        let all = hard[c] + (PI * soft[c]).max(0.0);
-        if all > TINY_IRRADIANCE { (1.0 - blocked_rgb[c] / all).clamp(0.0, 1.0) } else { 1.0 }
+        if whole_rgb[c] > TINY_IRRADIANCE {
+            (1.0 - blocked_rgb[c] / whole_rgb[c]).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
     })
 }
 
@@ -32,7 +44,8 @@ pub struct SurfaceFrame<'a> {
 }
 
 /// The ratio at a point of a receiving surface (world frame); `normal` and `facet_normal` are unit, on the seen
-/// side; `soft_taken` is what the soft half loses there (irradiance / pi). A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
+/// side; `soft_taken` is what the soft half loses there (irradiance / pi); `whole_rgb` is [`whole`] of the normal where it
+/// is known; `hard` says whether hard shadows may fall there. A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
 /// nothing can be taken from it.
 pub fn at(
     frame: &SurfaceFrame<'_>,
@@ -40,9 +53,12 @@ pub fn at(
     normal: Vec3,
     facet_normal: Vec3,
     soft_taken: [f32; 3],
+    whole_rgb: Option<[f32; 3]>,
+    hard: bool,
 ) -> [f32; 3] {
     let mut blocked = soft_taken.map(|t| (PI * t).max(0.0));
-    for (k, hard) in frame.light.hard().iter().enumerate() {
+    let lights = if hard { frame.light.hard() } else { &[] };
+    for (k, hard) in lights.iter().enumerate() {
         let to_light = Vec3::from(hard.to_light_world);
         let cosine = normal.dot(to_light);
         if cosine <= 0.0 {
@@ -59,5 +75,8 @@ pub fn at(
             *b += e * taken;
         }
     }
-    if blocked == [0.0; 3] { [1.0; 3] } else { ratio(frame.light, normal, blocked) }
+    if blocked == [0.0; 3] {
+        return [1.0; 3];
+    }
+    left_of(whole_rgb.unwrap_or_else(|| whole(frame.light, normal)), blocked)
 }

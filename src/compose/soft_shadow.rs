@@ -1,14 +1,20 @@
 //! What virtual objects take of the soft half of the light on real surfaces: the global term of Section 6.2 of [Now11],
 //! with spheres for the objects. Evaluated for each pixel, or at half or quarter resolution and carried up along the
-//! surface: soft shadows are smooth. Twin: `shaders/compose/soft_shadow.wgsl`.
+//! surface: soft shadows are smooth. Twin: `shaders/compose/soft_shadow.wgsl`, which has the rung `directions` at all
+//! orders, the others at orders up to 4, and 64 spheres at most; the GPU engine runs anything else here.
 
 use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};
-use crate::visibility::blockers::{Blockers, Plane};
+use crate::visibility::{
+    blockers::{Blockers, Plane},
+    shadow_maps::ShadowMaps,
+};
 use glam::Vec3;
 
 /// Distinct normals of flat receivers that are prepared together; more are evaluated one point at a time.
 const MOST_PLANES: usize = 32;
+/// Half width of the widest filter and its bias, texels.
+const FILTER_TEXELS: f32 = 16.0;
 /// Neighbours of a coarse picture count as the same surface where their inverse depths agree to this share.
 pub const SAME_SURFACE: f32 = 0.02;
 
@@ -95,10 +101,31 @@ impl Transfer {
     }
 }
 
+/// What the points of a flat receiver share under the hard lights of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flat {
+    /// Unit, world frame.
+    pub normal: Vec3,
+    /// Irradiance where nothing is in the way of the light.
+    pub whole_rgb: [f32; 3],
+    /// A box around all hard shadows on it, world frame: low and high corner (low above high: there are none).
+    pub shadows: [Vec3; 2],
+}
+
+impl Flat {
+    /// Whether a hard shadow may fall on one of its points.
+    pub fn may_be_shadowed(&self, point_world: Vec3) -> bool {
+        point_world.cmpge(self.shadows[0]).all() && point_world.cmple(self.shadows[1]).all()
+    }
+}
+
 /// Flat receivers with what their points share. Keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct Planes {
     normals: Vec<Vec3>,
+    /// n.p of its points.
+    offsets: Vec<f32>,
+    flat: Vec<Flat>,
     prepared: Vec<Plane>,
     /// For each triangle of the surfaces its plane, or `u32::MAX`.
     of_triangle: Vec<u32>,
@@ -108,16 +135,20 @@ impl Planes {
     /// Finds the planes of receiving triangles whose vertex normals are the facet's.
     pub fn find(&mut self, surfaces: &super::geometry::SurfaceGeometry) {
         self.normals.clear();
+        self.offsets.clear();
         self.of_triangle.clear();
         for (i, corners) in surfaces.triangles.iter().enumerate() {
             let facet = surfaces.facet_normals[i];
             let is_flat = corners.iter().all(|&v| surfaces.normals[v as usize].dot(facet) > 0.999_999);
-            let known = self.normals.iter().position(|n| n.dot(facet) > 0.999_999);
+            let offset = facet.dot(surfaces.positions[corners[0] as usize]);
+            let known = (0..self.normals.len())
+                .find(|&k| self.normals[k].dot(facet) > 0.999_999 && (self.offsets[k] - offset).abs() < 1e-5);
             let index = match known {
                 _ if !(is_flat && surfaces.receives[i]) => u32::MAX,
                 Some(index) => index as u32,
                 None if self.normals.len() < MOST_PLANES => {
                     self.normals.push(facet);
+                    self.offsets.push(offset);
                     self.normals.len() as u32 - 1
                 }
                 None => u32::MAX,
@@ -136,12 +167,56 @@ impl Planes {
         }
     }
 
+    /// Sums up the whole light on each of them, and finds where the casters' shadows fall; `casters`: low and high corner of
+    /// a box around them.
+    pub fn prepare_light(&mut self, light: &LightTerms, shadows: &ShadowMaps, casters: [Vec3; 2]) {
+        let planes = self.normals.iter().zip(&self.offsets);
+        self.flat.clear();
+        self.flat.extend(planes.map(|(&normal, &offset)| Flat {
+            normal,
+            whole_rgb: super::shade_surface::whole(light, normal),
+            shadows: shadow_box(normal, offset, light, shadows, casters),
+        }));
+    }
+
+    /// What the points of a flat triangle share, seen from its front.
+    pub fn flat(&self, triangle: usize, is_front: bool) -> Option<&Flat> {
+        let index = *self.of_triangle.get(triangle)? as usize;
+        if is_front { self.flat.get(index) } else { None }
+    }
+
     /// The plane of a triangle seen from the side of `normal`, if it is one of them.
     pub fn of(&self, triangle: usize, normal: Vec3) -> Option<&Plane> {
         let index = *self.of_triangle.get(triangle)? as usize;
         let is_front = self.normals.get(index)?.dot(normal) > 0.9;
         if is_front { self.prepared.get(index) } else { None }
     }
+}
+
+/// A box around the shadows on a plane: the casters' box moved along each light onto it, with room for the filter.
+fn shadow_box(
+    normal: Vec3,
+    offset: f32,
+    light: &LightTerms,
+    shadows: &ShadowMaps,
+    casters: [Vec3; 2],
+) -> [Vec3; 2] {
+    let mut all = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    for (hard, camera) in light.hard().iter().zip(shadows.cameras()) {
+        let to_light = Vec3::from(hard.to_light_world);
+        let cosine = normal.dot(to_light);
+        let Some(camera) = camera.as_ref().filter(|_| cosine > 0.0) else { continue };
+        let room = Vec3::splat(FILTER_TEXELS * camera.texel_m / cosine);
+        for k in 0..8 {
+            let of = |axis: usize| casters[k >> axis & 1][axis];
+            let corner = Vec3::new(of(0), of(1), of(2));
+            // What reaches through the plane throws its shadow from where it stands.
+            let down = ((normal.dot(corner) - offset) / cosine).max(0.0);
+            let on_plane = corner - down * to_light;
+            all = [all[0].min(on_plane - room), all[1].max(on_plane + room)];
+        }
+    }
+    all
 }
 
 /// What spheres take of the soft light that a white matt receiver would radiate (irradiance / pi), each channel: the sum
@@ -166,7 +241,8 @@ pub fn taken(
 
 /// What is carried up from a coarse picture to a pixel of the fine one: the bilinear mean of those of its four neighbours
 /// that lie on the same surface. `at` is the pixel's centre in the coarse picture (continuous); `inverse_depth(i)` is what
-/// the surface would have at pixel i of the coarse picture. `None` where no neighbour is of the surface.
+/// the surface would have at pixel i of the coarse picture, as a numerator and a denominator. `None` where no neighbour is
+/// of the surface.
 ///
 /// A coarse pixel is what was taken (r, g, b) and its inverse depth (a; 0: nothing there).
 pub fn carried_up(
@@ -174,7 +250,7 @@ pub fn carried_up(
     width: usize,
     height: usize,
     at: [f32; 2],
-    inverse_depth: impl Fn(usize) -> f32,
+    inverse_depth: impl Fn(usize) -> [f32; 2],
 ) -> Option<[f32; 3]> {
     let (x, y) = (at[0] - 0.5, at[1] - 0.5);
     let (left, top) = (x.floor(), y.floor());
@@ -190,8 +266,8 @@ pub fn carried_up(
         let row = (top + dy).clamp(0.0, height as f32 - 1.0) as usize;
         let i = row * width + column;
         let pixel = coarse[i];
-        let expected = inverse_depth(i);
-        if weight > 0.0 && pixel[3] > 0.0 && (pixel[3] - expected).abs() <= SAME_SURFACE * expected {
+        let [above, below] = inverse_depth(i);
+        if weight > 0.0 && pixel[3] > 0.0 && (pixel[3] * below - above).abs() <= SAME_SURFACE * above.abs() {
             for (s, c) in sum.iter_mut().zip(pixel) {
                 *s += weight * c;
             }
@@ -276,13 +352,13 @@ mod tests {
     #[test]
     fn only_neighbours_on_the_same_surface_count() {
         let coarse = [[1.0, 2.0, 3.0, 1.0], [9.0, 9.0, 9.0, 0.5], [1.0, 2.0, 3.0, 1.0], [0.0, 0.0, 0.0, 0.0]];
-        let got = carried_up(&coarse, 2, 2, [1.0, 1.0], |_| 1.0).unwrap();
+        let got = carried_up(&coarse, 2, 2, [1.0, 1.0], |_| [-2.0, -2.0]).unwrap();
         assert_eq!(got, [1.0, 2.0, 3.0]);
-        assert_eq!(carried_up(&coarse, 2, 2, [1.0, 1.0], |_| 0.2), None);
+        assert_eq!(carried_up(&coarse, 2, 2, [1.0, 1.0], |_| [0.2, 1.0]), None);
         // Beyond the border the border's own pixel counts.
-        assert_eq!(carried_up(&coarse, 2, 2, [0.0, 0.0], |_| 1.0).unwrap(), [1.0, 2.0, 3.0]);
+        assert_eq!(carried_up(&coarse, 2, 2, [0.0, 0.0], |_| [1.0, 1.0]).unwrap(), [1.0, 2.0, 3.0]);
         // Half way between two of them the mean.
         let slope = [[0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0]];
-        assert_eq!(carried_up(&slope, 2, 1, [1.0, 0.5], |_| 1.0).unwrap(), [0.5; 3]);
+        assert_eq!(carried_up(&slope, 2, 1, [1.0, 0.5], |_| [1.0, 1.0]).unwrap(), [0.5; 3]);
     }
 }

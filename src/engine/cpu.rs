@@ -340,7 +340,13 @@ impl Work {
     /// Fits the shadow maps' cameras; what the maps hold is as it was.
     pub(super) fn shadow_cameras(&mut self, light: &LightTerms, quality: &Quality) {
         let objects = &self.objects;
-        self.shadows.fit(light.hard(), &objects.positions, &objects.triangles, quality.shadow_map_texels);
+        self.shadows.fit(
+            light.hard(),
+            &objects.positions,
+            &objects.triangles,
+            quality.shadow_map_texels,
+            quality.pcf_taps,
+        );
     }
 
     pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) {
@@ -388,6 +394,7 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
+        self.planes.prepare_light(light, &self.shadows, self.objects.bounds());
         let step = quality.soft_step_px as f32;
         let width = self.rays.width();
         let (soft, coarse_rays, planes) = (&self.soft, &self.coarse_rays, &self.planes);
@@ -403,7 +410,7 @@ impl Work {
                 (camera_from_world * facet, facet.dot(fragment.point_world - view.eye));
             let carried = soft_shadow::carried_up(soft.pixels(), soft.width(), soft.height(), at, |i| {
                 let ray = coarse_rays.centre(i);
-                normal_camera.dot(ray) / (ray.z * to_plane)
+                [normal_camera.dot(ray), ray.z * to_plane]
             });
             carried.unwrap_or_else(|| {
                 let plane = planes.of(fragment.triangle, normal);
@@ -416,9 +423,17 @@ impl Work {
             if !surfaces.receives[fragment.triangle] {
                 return [1.0; 3];
             }
+            let is_front = surfaces.facet_normals[fragment.triangle].dot(fragment.to_eye) >= 0.0;
+            let p = fragment.point_world;
+            let taken =
+                |normal, facet| if soft_drawn { soft_taken(fragment, normal, facet) } else { [0.0; 3] };
+            if let Some(flat) = planes.flat(fragment.triangle, is_front) {
+                let n = flat.normal;
+                let hard = flat.may_be_shadowed(p);
+                return shade_surface::at(&frame, p, n, n, taken(n, n), Some(flat.whole_rgb), hard);
+            }
             let (normal, facet) = surface_normals(surfaces, fragment);
-            let taken = if soft_drawn { soft_taken(fragment, normal, facet) } else { [0.0; 3] };
-            shade_surface::at(&frame, fragment.point_world, normal, facet, taken)
+            shade_surface::at(&frame, p, normal, facet, taken(normal, facet), None, true)
         };
         raster::draw_surfaces(
             &self.rays,

@@ -56,6 +56,8 @@ pub struct HardLight {
     pub to_light_world: [f32; 3],
     /// Irradiance on a plane that faces it; not negative.
     pub irradiance_rgb: [f32; 3],
+    /// Root mean square angle of what it stands for to its own direction, radians; 0: a point.
+    pub extent_rad: f32,
 }
 
 /// At most [`MAX_HARD_LIGHTS`] of them, brightest compact light first.
@@ -68,7 +70,7 @@ pub struct HardLights {
 impl HardLights {
     /// None.
     pub const fn none() -> Self {
-        let dark = HardLight { to_light_world: [0.0; 3], irradiance_rgb: [0.0; 3] };
+        let dark = HardLight { to_light_world: [0.0; 3], irradiance_rgb: [0.0; 3], extent_rad: 0.0 };
         Self { count: 0, lights: [dark; MAX_HARD_LIGHTS] }
     }
 
@@ -133,7 +135,7 @@ impl From<SplitLight> for Lights {
         if let Some(DirectionalLight { to_light_world, irradiance_rgb, .. }) = split.direct
             && irradiance_rgb.iter().any(|&e| e > 0.0)
         {
-            lights.hard.push(HardLight { to_light_world, irradiance_rgb });
+            lights.hard.push(HardLight { to_light_world, irradiance_rgb, extent_rad: 0.0 });
         }
         lights
     }

@@ -185,7 +185,8 @@ impl Views {
         }
         let objects = &self.objects;
         let lights = input.light.hard.as_slice();
-        self.shadows.fit(lights, &objects.positions, &objects.triangles, quality.shadow_map_texels);
+        let texels = quality.shadow_map_texels;
+        self.shadows.fit(lights, &objects.positions, &objects.triangles, texels, quality.pcf_taps);
         self.shadows.draw(&objects.positions, &objects.triangles);
     }
 }

@@ -241,7 +241,7 @@ mod tests {
 
     fn sun(to_light_world: [f32; 3], e: f32) -> Lights {
         let mut lights = Lights::soft(RadianceSh::zero(4));
-        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3] });
+        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3], extent_rad: 0.0 });
         lights
     }
 

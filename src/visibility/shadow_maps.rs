@@ -53,6 +53,17 @@ impl ShadowCamera {
     /// so that a moving object does not make the shadows of others swim. The depth range is the casters':
     /// receivers need none, see [`lit`]. `None` without a finite caster or a finite direction.
     pub fn fit(to_light_world: [f32; 3], casters: impl Iterator<Item = Vec3>, texels: u32) -> Option<Self> {
+        Self::fit_soft(to_light_world, casters, texels, 0.0)
+    }
+
+    /// [`Self::fit`] for a light whose penumbra is as wide as a texel of `texel_of_depth` times the casters' extent along
+    /// the light: no finer than that.
+    pub fn fit_soft(
+        to_light_world: [f32; 3],
+        casters: impl Iterator<Item = Vec3>,
+        texels: u32,
+        texel_of_depth: f32,
+    ) -> Option<Self> {
         let light = Vec3::from(to_light_world).as_dvec3();
         if !light.is_finite() || light.length_squared() < 0.25 || texels < 16 {
             return None;
@@ -72,7 +83,7 @@ impl ShadowCamera {
         }
         let size = high - low;
         let usable = f64::from(texels) - 2.0 * f64::from(EDGE_TEXELS) - 1.0;
-        let tight = (size.x.max(size.y) / usable).max(1e-6);
+        let tight = (size.x.max(size.y) / usable).max(f64::from(texel_of_depth) * size.z).max(1e-6);
         let texel = ((tight.log2() * 8.0).ceil() / 8.0).exp2();
         let corner_x = ((low.x / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
         let corner_y = ((low.y / texel).floor() - f64::from(EDGE_TEXELS)) * texel;

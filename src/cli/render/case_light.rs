@@ -10,8 +10,8 @@ use crate::light::{halve::halve_still, maps, project_sh};
 use crate::math::bvh::Bvh;
 use crate::model::{
     light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
-    quality::Quality,
-    scene::Scene,
+    quality::{Quality, SplitKind},
+    scene::{Material, Scene},
 };
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -154,6 +154,7 @@ pub fn split_for_objects(
                 hard.push(HardLight {
                     to_light_world: to_light.as_vec3().to_array(),
                     irradiance_rgb: irradiance_rgb.map(|e| e as f32),
+                    extent_rad: 0.0,
                 });
             }
             Source::Constant(radiance) => {
@@ -180,7 +181,12 @@ pub fn split_for_objects(
         }
     }
     if sources.iter().any(|s| matches!(s, Source::Patch { .. })) {
-        darkness(&mut samples);
+        fill(&mut samples, |_| Some([0.0; 3]));
+    }
+    // Net flux is that through the plane, which sends light back up; the objects of the reference get none of it.
+    if on_plane && matches!(quality.split, SplitKind::Paper | SplitKind::Bounded) {
+        let plane = plane_radiance(case, &samples);
+        fill(&mut samples, |z| (z < 0.0).then_some(plane));
     }
     let total = if samples.directions.is_empty() {
         RadianceSh::zero(quality.sh_order)
@@ -200,16 +206,34 @@ pub fn split_for_objects(
     Ok(lights)
 }
 
-/// Says of the whole sphere that it is black: what lies around a lamp is known then.
-fn darkness(samples: &mut RadianceSamples) {
+/// Radiance of the plane z = 0 under the samples, nothing in their way: albedo / pi times the irradiance.
+fn plane_radiance(case: &Case, samples: &RadianceSamples) -> [f32; 3] {
+    let plane = case.geometry.iter().find(|g| matches!(g.shape, Shape::PlaneZ0 { .. }));
+    let albedo_rgb = match plane.map(|p| p.material) {
+        Some(Material::Lambert { albedo_rgb } | Material::Phong { albedo_rgb, .. }) => albedo_rgb,
+        _ => [0.0; 3],
+    };
+    let mut sum = [0.0f64; 3];
+    for (d, r) in samples.directions.iter().zip(&samples.radiance) {
+        for (sum, c) in sum.iter_mut().zip(r) {
+            *sum += f64::from(*c) * f64::from(d[2].max(0.0)) * f64::from(d[3]);
+        }
+    }
+    std::array::from_fn(|c| (f64::from(albedo_rgb[c]) / PI * sum[c]) as f32)
+}
+
+/// Adds radiance from directions all over the sphere, as a function of their height; `None` adds nothing there.
+fn fill(samples: &mut RadianceSamples, radiance_rgb: impl Fn(f64) -> Option<[f32; 3]>) {
     const DIRECTIONS: usize = 4096;
     for j in 0..DIRECTIONS {
         let z = 1.0 - 2.0 * (j as f64 + 0.5) / DIRECTIONS as f64;
         let phi = PI * (1.0 + 5f64.sqrt()) * (j as f64 + 0.5);
         let r = (1.0 - z * z).sqrt();
         let weight_sr = 4.0 * PI / DIRECTIONS as f64;
-        samples.directions.push([r * phi.cos(), r * phi.sin(), z, weight_sr].map(|x| x as f32));
-        samples.radiance.push([0.0; 4]);
+        if let Some([red, green, blue]) = radiance_rgb(z) {
+            samples.directions.push([r * phi.cos(), r * phi.sin(), z, weight_sr].map(|x| x as f32));
+            samples.radiance.push([red, green, blue, 0.0]);
+        }
     }
 }
 

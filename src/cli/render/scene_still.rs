@@ -84,7 +84,7 @@ pub fn of_scene(
             global.rgb[0] = constant_rgb.map(|c| c * (4.0 * std::f32::consts::PI).sqrt());
             let mut lights = Lights::soft(global);
             if let &Some((to_light_world, irradiance_rgb)) = direct {
-                lights.hard.push(HardLight { to_light_world, irradiance_rgb });
+                lights.hard.push(HardLight { to_light_world, irradiance_rgb, extent_rad: 0.0 });
             }
             lights
         }

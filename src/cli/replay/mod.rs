@@ -5,7 +5,7 @@ mod report;
 mod sheet;
 pub mod statistics;
 
-use super::{CliError, Common, common::PixelDigest};
+use super::{CliError, Common, common::PixelDigest, quality_flags::QualityFlags};
 use crate::assets::pictures;
 use crate::config::settings::{RunMode, Settings};
 use crate::daemon::run::{prepare, run as run_prepared};
@@ -50,6 +50,8 @@ pub struct Arguments {
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
+    #[command(flatten)]
+    quality: QualityFlags,
 }
 
 /// Runs `halflight replay`.
@@ -119,6 +121,7 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
     if let Some(scene) = &arguments.scene {
         settings.scene_file = scene.display().to_string();
     }
+    arguments.quality.apply(&mut settings)?;
     Ok(settings)
 }
 

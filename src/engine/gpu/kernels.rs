@@ -67,18 +67,23 @@ pub const SHADOW_MAPS: Kernel = Kernel {
     structs: &[params::ShadowCamera::LAYOUT],
 };
 
-/// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture.
+/// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture; `fragment` is the rung `directions`.
 pub const SOFT_SHADOW: Kernel = Kernel {
     pass: Pass::SoftShadow,
     sources: &[
         source!("shared/lens"),
         source!("shared/sh_basis"),
         source!("shared/facet"),
+        source!("shared/blockers"),
         source!("compose/soft_shadow"),
     ],
-    entries: &["vertex", "fragment"],
-    bindings: &[Binding::new("view", BindingKind::Uniform), Binding::new("soft", BindingKind::Uniform)],
-    structs: &[params::View::LAYOUT, params::SoftTerms::LAYOUT],
+    entries: &["vertex", "fragment", "ladder"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("soft", BindingKind::Uniform),
+        Binding::new("blockers", BindingKind::Uniform),
+    ],
+    structs: &[params::View::LAYOUT, params::SoftTerms::LAYOUT, params::BLOCKER_TERMS],
 };
 
 /// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.

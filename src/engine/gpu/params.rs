@@ -1,7 +1,7 @@
 //! Structs that the host fills and a shader reads. Each is written once here; `tests/shaders.rs` compares every
 //! member's name, offset and size with what naga reads from the WGSL struct of the same name.
 
-use crate::model::light::MAX_HARD_LIGHTS;
+use crate::{model::light::MAX_HARD_LIGHTS, visibility::blockers::BlockerTerms};
 
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,6 +186,27 @@ shared_struct! {
         matrix: [[f32; 4]; 666],
     }
 }
+
+macro_rules! members_of {
+    ($kind:ident: $($member:ident),*) => {
+        &[$(Member {
+            name: stringify!($member),
+            offset: std::mem::offset_of!($kind, $member),
+            size: bytes_of_what(|terms: &$kind| &terms.$member),
+        },)*]
+    };
+}
+
+const fn bytes_of_what<Whole, Part>(_: fn(&Whole) -> &Part) -> usize {
+    size_of::<Part>()
+}
+
+/// The spheres and tables of `shared/blockers`, which `visibility` lays out.
+pub const BLOCKER_TERMS: StructLayout = StructLayout {
+    name: "BlockerTerms",
+    size: size_of::<BlockerTerms>(),
+    members: members_of!(BlockerTerms: spheres, bodies, counts, response, logarithms, gamma),
+};
 
 shared_struct! {
     /// Where `compose/shade_surface` finds the soft shadows.

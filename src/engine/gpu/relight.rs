@@ -10,7 +10,7 @@ use super::{
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
-        soft_shadow::{MOST_SPHERES, SoftShadow},
+        soft_shadow::SoftShadow,
         tonemap::Tonemap,
     },
     recorder::{Recorder, Timer},
@@ -18,9 +18,10 @@ use super::{
     view::{self, LensDomain},
 };
 use crate::{
+    animate::posed::Posed,
     compose::{raster, shade_object::LightTerms},
     engine::{EngineError, RelightInput, cpu},
-    model::{blocker::Rung, picture::Picture, scene::Scene},
+    model::{picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
 };
 
@@ -95,7 +96,12 @@ impl Relighter {
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
         if self.twins.pose(input) {
-            self.scene.invalidate();
+            let objects = input.posed.map_or(&[][..], Posed::objects).iter();
+            for (_, (vertices, _)) in
+                objects.zip(&self.twins.objects.ranges).filter(|(object, _)| object.moved)
+            {
+                self.scene.moved(vertices.clone());
+            }
         }
         if [Pass::ShadowMaps, Pass::SoftShadow, Pass::ShadeObject, Pass::ShadeSurface]
             .iter()
@@ -140,10 +146,8 @@ impl Relighter {
                 }
                 Pass::SoftShadow => {
                     twins.prepare_blockers(input, &light, quality);
-                    // The shader has the one rung, and room for so many spheres.
-                    let fits =
-                        quality.rung == Rung::Directions && twins.blockers.spheres().len() <= MOST_SPHERES;
-                    if host || !fits {
+                    // The twin does any number of spheres and any order.
+                    if host || !twins.blockers.fit_shader() {
                         recorder.host(pass, || twins.soft_shadow(input, &camera, &light, quality));
                         exchange.soft_place = Place::Host;
                     } else {
@@ -155,7 +159,6 @@ impl Relighter {
                             &coarse_view,
                             &twins.blockers,
                             &twins.transfer,
-                            quality.directions,
                             picture,
                         )?;
                         exchange.soft_place = Place::Device;

@@ -1,4 +1,5 @@
-//! The scene on the device: vertex and index buffers, uploaded when the scene changes.
+//! The scene on the device: vertex and index buffers, uploaded when the scene changes; of objects that move, their
+//! vertices alone.
 //!
 //! The rasteriser draws straight edges. Through a lens with distortion they should bow, so for such lenses
 //! what is in view is cut anew for every pose, until no edge looks long from the eye; through a pinhole the triangles
@@ -13,7 +14,7 @@ use std::{
 use glam::Vec3;
 
 use super::{
-    buffers::GrowingBuffer,
+    buffers::{GrowingBuffer, write_bytes},
     context::GpuContext,
     params::{MaterialTerms, ObjectVertex, SurfaceVertex},
 };
@@ -94,8 +95,12 @@ pub struct SceneBuffers {
     materials: GrowingBuffer,
     /// Whether the scene is there, and for what it was cut.
     uploaded: Option<Option<Cut>>,
-    /// Boxes around objects and surfaces: low and high corner.
-    boxes: Vec<(Vec3, Vec3)>,
+    /// Vertices that have moved since.
+    moved: Vec<Range<usize>>,
+    /// On their way to the device; kept from frame to frame.
+    vertices: Vec<ObjectVertex>,
+    /// Boxes around objects and around surfaces: low and high corner.
+    boxes: [Option<(Vec3, Vec3)>; 2],
 }
 
 impl SceneBuffers {
@@ -108,13 +113,22 @@ impl SceneBuffers {
             draws: Vec::new(),
             materials: GrowingBuffer::uniform("materials"),
             uploaded: None,
-            boxes: Vec::new(),
+            moved: Vec::new(),
+            vertices: Vec::new(),
+            boxes: [None; 2],
         }
     }
 
     /// The next `update` uploads anew.
     pub fn invalidate(&mut self) {
         self.uploaded = None;
+    }
+
+    /// The next `update` uploads these vertices of the objects; materials, triangles and surfaces stay.
+    pub fn moved(&mut self, vertices: Range<usize>) {
+        if !self.moved.contains(&vertices) {
+            self.moved.push(vertices);
+        }
     }
 
     /// Uploads the scene unless it is there already; `cut`: if the lens has distortion.
@@ -125,29 +139,41 @@ impl SceneBuffers {
         surfaces: &SurfaceGeometry,
         cut: Option<Cut>,
     ) {
-        if self.uploaded == Some(cut) {
-            return;
-        }
+        let has_moved = !self.moved.is_empty();
+        let is_cut_anew = self.uploaded != Some(cut);
         if self.uploaded.is_none() {
-            self.boxes.clear();
-            self.boxes.extend(box_around(&objects.positions));
-            self.boxes.extend(box_around(&surfaces.positions));
+            self.boxes = [box_around(&objects.positions), box_around(&surfaces.positions)];
             self.upload_materials(context, objects);
+        } else if has_moved {
+            self.boxes[0] = box_around(&objects.positions);
+            self.upload_moved(context, objects);
         }
-        self.upload_objects(context, objects, cut);
-        self.upload_surfaces(context, surfaces, cut);
+        self.moved.clear();
+        if is_cut_anew || (has_moved && cut.is_some()) {
+            self.upload_objects(context, objects, cut);
+        }
+        if is_cut_anew {
+            self.upload_surfaces(context, surfaces, cut);
+        }
         self.uploaded = Some(cut);
     }
 
+    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry) {
+        for range in &self.moved {
+            let vertices = &mut self.vertices;
+            vertices.clear();
+            let all = (range.end <= objects.positions.len()).then(|| object_vertices(objects, range.clone()));
+            vertices.extend(all.into_iter().flatten());
+            let offset = (range.start * size_of::<ObjectVertex>()) as u64;
+            let buffer = self.casters.vertices.at_least(context, 0);
+            write_bytes(context, buffer, offset, bytemuck::cast_slice(vertices));
+        }
+    }
+
     fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, cut: Option<Cut>) {
-        let vertices = objects.positions.iter().zip(&objects.normals).zip(&objects.tint_openness);
-        let mut vertices: Vec<_> = vertices
-            .map(|((position, normal), &tint_openness)| ObjectVertex {
-                position: position.to_array(),
-                normal: normal.to_array(),
-                tint_openness,
-            })
-            .collect();
+        let mut vertices = std::mem::take(&mut self.vertices);
+        vertices.clear();
+        vertices.extend(object_vertices(objects, 0..objects.positions.len()));
         if self.uploaded.is_none() {
             self.casters.write(context, &vertices, &objects.triangles);
         }
@@ -165,6 +191,7 @@ impl SceneBuffers {
                 _ => self.draws.push((3 * number..3 * (number + 1), material)),
             }
         }
+        self.vertices = vertices;
     }
 
     fn upload_materials(&mut self, context: &GpuContext, objects: &ObjectGeometry) {
@@ -247,11 +274,28 @@ impl SceneBuffers {
     /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
     /// may begin.
     pub fn near_m(&self, eye: Vec3) -> f32 {
-        let nearest =
-            self.boxes.iter().map(|&(low, high)| (eye - eye.clamp(low, high)).length()).fold(2.0, f32::min);
+        let nearest = self
+            .boxes
+            .iter()
+            .flatten()
+            .map(|&(low, high)| (eye - eye.clamp(low, high)).length())
+            .fold(2.0, f32::min);
         // Half of it: the depth is measured along the axis, not along the ray.
         (0.5 * nearest).clamp(1e-3, 1.0)
     }
+}
+
+/// Vertices of a range as the device has them.
+fn object_vertices(
+    objects: &ObjectGeometry,
+    range: Range<usize>,
+) -> impl Iterator<Item = ObjectVertex> + use<'_> {
+    let points = objects.positions[range.clone()].iter().zip(&objects.normals[range.clone()]);
+    points.zip(&objects.tint_openness[range]).map(|((position, normal), &tint_openness)| ObjectVertex {
+        position: position.to_array(),
+        normal: normal.to_array(),
+        tint_openness,
+    })
 }
 
 fn four([x, y, z]: [f32; 3], w: f32) -> [f32; 4] {
@@ -436,7 +480,7 @@ mod tests {
     fn the_depth_range_begins_before_everything() {
         let mut scene = SceneBuffers::new();
         assert_eq!(scene.near_m(Vec3::ZERO), 1.0);
-        scene.boxes = vec![(Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)];
+        scene.boxes = [Some((Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)), None];
         assert!((scene.near_m(Vec3::ZERO) - 0.15).abs() < 1e-7);
         assert_eq!(scene.near_m(Vec3::splat(0.5)), 1e-3);
     }

@@ -79,6 +79,8 @@ fn hard(representative: &Representative) -> HardLight {
     HardLight {
         to_light_world: representative.at.normalize_or(Vec3::Z).to_array(),
         irradiance_rgb: representative.flux_rgb.map(|c| c * facing),
+        // The mean of unit vectors is shorter than 1 by half of their mean square angle.
+        extent_rad: (2.0 * (1.0 - facing)).max(0.0).sqrt(),
     }
 }
 

@@ -103,6 +103,12 @@ impl Blockers {
         &self.spheres
     }
 
+    /// What the rung `directions` tests: unit directions (world), h and sin(h/2) of their ramps, and the mean of each y_i,
+    /// i > 0, over them. Of the last [`Blockers::prepare`] with that rung.
+    pub fn directions(&self) -> (&[[f32; 3]], [f32; 2], &[f32]) {
+        (self.directions.list(), self.directions.softness(), self.directions.means())
+    }
+
     /// SH coefficients of the visibility V at a receiver: a point and a unit normal, world frame, metres. Spheres of the
     /// receiver's own `body` and spheres wholly under its horizon do not count. order^2 coefficients are written and the
     /// rest set to 0. Where nothing blocks V is exactly (sqrt(4 pi), 0, ..).

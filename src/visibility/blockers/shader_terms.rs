@@ -1,6 +1,6 @@
 //! What `shaders/shared/blockers.wgsl` reads: everything that does not depend on the receiver, as one uniform.
 
-use super::{Blockers, Plane};
+use super::Blockers;
 use crate::{
     math::sh::{
         log_exp::{LOG_STEPS, tables},
@@ -10,10 +10,10 @@ use crate::{
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Spheres that the shader takes.
+/// Spheres that shaders take.
 pub const SHADER_SPHERES: usize = 64;
 
-/// Largest SH order of the shader's functions; `plane_weights` hold for any order.
+/// Largest SH order of the shader's functions for the rungs other than `directions`.
 pub const SHADER_ORDER: usize = 4;
 
 /// The shader's struct of the same name, member by member; below the 16 KiB that every uniform may have.
@@ -24,29 +24,25 @@ pub struct BlockerTerms {
     pub spheres: [[f32; 4]; SHADER_SPHERES],
     /// Body of sphere 4 i + k at `[i][k]`.
     pub bodies: [[u32; 4]; SHADER_SPHERES / 4],
-    /// Spheres, rung (its place in [`Rung::ALL`]), order, directions.
+    /// Spheres, rung (its place in [`Rung::ALL`]), order, entries of `gamma`.
     pub counts: [u32; 4],
-    /// h, sin(h/2), entries of `gamma`.
-    pub softness: [f32; 4],
     /// (a, b) at nodes 2 i and 2 i + 1.
     pub response: [[f32; 4]; 21],
-    /// Every fourth row of the table of logarithms.
-    pub logarithms: [[f32; 4]; 129],
-    /// i + 16 j + 256 k as bits of a float, and the integral: two entries each.
-    pub gamma: [[f32; 4]; 39],
-    /// w_j.
-    pub directions: [[f32; 4]; 256],
-    /// W_j of a plane, r, g, b.
-    pub plane_weights: [[f32; 4]; 256],
-    /// Mean of each y_i over the directions, without i = 0.
-    pub means: [[f32; 4]; 4],
+    /// The table of logarithms, bands 0 to 3.
+    pub logarithms: [[f32; 4]; LOG_STEPS + 1],
+    /// i + 16 j + 256 k, and the bits of the integral: two entries each.
+    pub gamma: [[u32; 4]; 39],
 }
 
 impl Blockers {
-    /// Fills the shader's uniform: the first 64 spheres, the order at most 4, and the weights of a plane where one is
-    /// given (zero elsewhere). Tells how many spheres had no place.
-    pub fn shader_terms(&self, plane: Option<&Plane>, out: &mut BlockerTerms) -> usize {
-        *out = BlockerTerms::zeroed();
+    /// Whether shaders can do what these do: at most 64 spheres, and for the rungs other than `directions` at most order 4.
+    pub fn fit_shader(&self) -> bool {
+        let order_fits = self.rung == Rung::Directions || self.order <= SHADER_ORDER;
+        order_fits && self.spheres.len() <= SHADER_SPHERES
+    }
+
+    /// Fills the shader's uniform, of any rung but `directions`, with what fits.
+    pub fn shader_terms(&self, out: &mut BlockerTerms) {
         let order = self.order.min(SHADER_ORDER);
         let tables = tables(order);
         let count = self.spheres.len().min(SHADER_SPHERES);
@@ -56,33 +52,18 @@ impl Blockers {
         }
         let entries = gamma(order);
         let rung = Rung::ALL.iter().position(|rung| *rung == self.rung).unwrap_or(0);
-        let directions = self.directions.list();
-        out.counts = [count as u32, rung as u32, order as u32, directions.len() as u32];
-        let [softness, least_sine] = self.directions.softness();
-        out.softness = [softness, least_sine, entries.len() as f32, 0.0];
+        out.counts = [count as u32, rung as u32, order as u32, entries.len() as u32];
         for (node, (a, b)) in tables.response.nodes.iter().enumerate() {
             out.response[node / 2][node % 2 * 2..][..2].copy_from_slice(&[*a, *b]);
         }
-        let rows = tables.log.rows.iter().step_by(LOG_STEPS / 128);
-        for (out, row) in out.logarithms.iter_mut().zip(rows) {
+        for (out, row) in out.logarithms.iter_mut().zip(&tables.log.rows) {
             out.copy_from_slice(&row[..4]);
         }
         for (entry, g) in entries.iter().enumerate() {
-            let packed = f32::from_bits((g.i | g.j << 4 | g.k << 8) as u32);
-            out.gamma[entry / 2][entry % 2 * 2..][..2].copy_from_slice(&[packed, g.integral as f32]);
+            let packed = (g.i | g.j << 4 | g.k << 8) as u32;
+            let integral = (g.integral as f32).to_bits();
+            out.gamma[entry / 2][entry % 2 * 2..][..2].copy_from_slice(&[packed, integral]);
         }
-        for (out, [x, y, z]) in out.directions.iter_mut().zip(directions) {
-            *out = [*x, *y, *z, 0.0];
-        }
-        for (out, [r, g, b]) in
-            out.plane_weights.iter_mut().zip(plane.map_or(&[][..], |plane| &plane.weights))
-        {
-            *out = [*r, *g, *b, 0.0];
-        }
-        for (i, mean) in self.directions.means().iter().take(16).enumerate() {
-            out.means[i / 4][i % 4] = *mean;
-        }
-        self.spheres.len() - count
     }
 }
 
@@ -102,23 +83,34 @@ mod tests {
         };
         let spheres: Vec<_> = (0..70).map(sphere).collect();
         let mut blockers = Blockers::new();
-        blockers.prepare(&spheres, Rung::Directions, 4, 256);
-        let (mut plane, mut terms) = (Plane::default(), BlockerTerms::zeroed());
-        blockers.plane(Vec3::Z, None, &[[1.0; 3]; 36], &mut plane);
-        assert_eq!(blockers.shader_terms(Some(&plane), &mut terms), 6);
-        assert_eq!(terms.counts, [64, 5, 4, 256]);
+        blockers.prepare(&spheres, Rung::Chain, 4, 256);
+        assert!(!blockers.fit_shader(), "70 spheres");
+        let mut terms = BlockerTerms::zeroed();
+        blockers.shader_terms(&mut terms);
+        assert_eq!(terms.counts, [64, 4, 4, 77]);
         assert_eq!((terms.spheres[63], terms.bodies[15]), ([63.0, 0.0, 1.0, 0.25], [60, 61, 62, 63]));
-        assert_eq!(terms.softness[2], 77.0);
         assert_eq!(terms.response[0][..2], [1.0, 1.0]);
         assert_eq!(terms.response[20][2..], [0.0, 0.0], "41 nodes");
         assert!(terms.response[20][0] > terms.response[19][2]);
-        assert_eq!(terms.logarithms[128][0], tables(4).log.rows[LOG_STEPS][0]);
-        let packed = terms.gamma[38][0].to_bits();
+        assert_eq!(terms.logarithms[LOG_STEPS][0], tables(4).log.rows[LOG_STEPS][0]);
         let last = gamma(4)[76];
+        let packed = terms.gamma[38][0];
         assert_eq!(
             [packed & 15, packed >> 4 & 15, packed >> 8],
             [last.i as u32, last.j as u32, last.k as u32]
         );
-        assert!(terms.directions[255][2] < -0.99 && terms.plane_weights[255][0] != 0.0);
+        assert_eq!(f32::from_bits(terms.gamma[38][1]), last.integral as f32);
+    }
+
+    #[test]
+    fn what_the_shader_cannot_do_is_left_to_the_twin() {
+        let sphere = BlockerSphere { centre_world: Vec3::Z, radius_m: 0.25, body: 0 };
+        let mut blockers = Blockers::new();
+        for rung in Rung::ALL {
+            for order in 2..=6 {
+                blockers.prepare(&[sphere], rung, order, 64);
+                assert_eq!(blockers.fit_shader(), rung == Rung::Directions || order <= 4);
+            }
+        }
     }
 }

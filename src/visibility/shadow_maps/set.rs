@@ -4,6 +4,10 @@ use super::{ShadowCamera, ShadowMap, visibility};
 use crate::model::light::HardLight;
 use glam::Vec3;
 
+/// Width of the filter over (a hard light's own extent times the casters' extent along it). A uniform light's full width
+/// is 3.5 times its rms extent, and a caster is half its own height above the ground in the mean: 1.7 would be its penumbra
+/// half way up. Less keeps contacts sharp.
+const PENUMBRA: f32 = 1.0;
 /// Fewest texels a side.
 const LEAST_SIDE: u32 = 64;
 
@@ -31,14 +35,23 @@ impl ShadowMaps {
         self.cameras.clear();
     }
 
-    /// Fits a camera to the casters for each light. A light is skipped (its camera is `None`, nothing blocks it) where
+    /// Fits a camera to the casters for each light; the filter of `taps` taps is as wide as what each light stands for asks.
+    /// A light is skipped (its camera is `None`, nothing blocks it) where
     /// there is no caster.
-    pub fn fit(&mut self, lights: &[HardLight], casters: &[Vec3], triangles: &[[u32; 3]], texels: u32) {
+    pub fn fit(
+        &mut self,
+        lights: &[HardLight],
+        casters: &[Vec3],
+        triangles: &[[u32; 3]],
+        texels: u32,
+        taps: u32,
+    ) {
         let side = side_of_each(texels, lights.len());
         self.cameras.clear();
         self.cameras.extend(lights.iter().map(|light| {
             let vertices = triangles.iter().flatten().map(|&i| casters[i as usize]);
-            ShadowCamera::fit(light.to_light_world, vertices, side)
+            let texel_of_depth = PENUMBRA * light.extent_rad / taps.saturating_sub(1).max(1) as f32;
+            ShadowCamera::fit_soft(light.to_light_world, vertices, side, texel_of_depth)
         }));
         if self.maps.len() < lights.len() {
             self.maps.resize_with(lights.len(), ShadowMap::default);

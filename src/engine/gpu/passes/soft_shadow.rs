@@ -16,58 +16,46 @@ use crate::{
             textures::KeptTexture,
         },
     },
-    math::sh::{MAX_COEFFICIENTS, basis, soft_directions},
+    model::blocker::Rung,
     plan::Pass,
-    visibility::blockers::Blockers,
+    visibility::blockers::{BlockerTerms, Blockers, SHADER_SPHERES},
 };
 
 const PASS: Pass = Pass::SoftShadow;
-/// Spheres that the shader takes.
-pub const MOST_SPHERES: usize = 64;
 
 /// The kernel.
 pub struct SoftShadow {
     built: Built,
-    pipeline: wgpu::RenderPipeline,
+    /// Of the rung `directions`, and of all others.
+    directed: Option<wgpu::RenderPipeline>,
+    ladder: Option<wgpu::RenderPipeline>,
     view: GrowingBuffer,
     soft: GrowingBuffer,
+    blockers: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
     terms: Box<params::SoftTerms>,
-    /// Directions and order that the terms hold.
-    directions: (usize, usize),
+    blocker_terms: Box<BlockerTerms>,
 }
 
 impl SoftShadow {
-    /// Compiles it.
+    /// Compiles the shader; pipelines follow when a rung is first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::SOFT_SHADOW)?;
-        let pipeline = built.drawing(
-            context,
-            &Drawing {
-                vertex: "vertex",
-                fragment: "fragment",
-                stride: size_of::<SurfaceVertex>() as u64,
-                attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
-                color: RATIOS_FORMAT,
-                write: wgpu::ColorWrites::ALL,
-                nearer: wgpu::CompareFunction::Greater,
-                samples: 1,
-            },
-        )?;
         Ok(Self {
-            built,
-            pipeline,
+            built: Built::new(context, &kernels::SOFT_SHADOW)?,
+            directed: None,
+            ladder: None,
             view: GrowingBuffer::uniform("coarse view"),
             soft: GrowingBuffer::uniform("soft terms"),
+            blockers: GrowingBuffer::uniform("blockers"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("coarse depth", wgpu::TextureFormat::Depth32Float),
             terms: bytemuck::zeroed_box(),
-            directions: (0, 0),
+            blocker_terms: bytemuck::zeroed_box(),
         })
     }
 
-    /// Draws the scene's real surfaces into a coarse picture of the view's size, `directions` of them.
+    /// Draws the scene's real surfaces into a coarse picture of the view's size; for blockers that `fit_shader`.
     pub fn run(
         &mut self,
         recorder: &mut Recorder<'_>,
@@ -75,14 +63,28 @@ impl SoftShadow {
         coarse_view: &params::View,
         blockers: &Blockers,
         transfer: &Transfer,
-        directions: usize,
         picture: &mut KeptTexture,
     ) -> Result<(), EngineError> {
         let context = recorder.context;
-        self.fill(blockers, transfer, directions);
+        self.fill(blockers, transfer);
+        let is_directed = blockers.rung() == Rung::Directions;
+        if !is_directed {
+            blockers.shader_terms(&mut self.blocker_terms);
+        }
+        let (slot, fragment) =
+            if is_directed { (&mut self.directed, "fragment") } else { (&mut self.ladder, "ladder") };
+        let pipeline = match slot {
+            Some(pipeline) => pipeline,
+            None => slot.insert(pipeline(context, &self.built, fragment)?),
+        };
         let resources = [
             self.view.write(context, bytemuck::bytes_of(coarse_view)),
             self.soft.write(context, bytemuck::bytes_of(&*self.terms)),
+            if is_directed {
+                self.blockers.bind(context, size_of::<BlockerTerms>())
+            } else {
+                self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms))
+            },
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (coarse_view.frame[0] as u32, coarse_view.frame[1] as u32);
@@ -91,17 +93,17 @@ impl SoftShadow {
         let targets =
             Targets { color: cleared(picture, None, wgpu::Color::TRANSPARENT), depth: Some((depth, 0.0)) };
         recorder.draw(PASS, targets, |pass| {
-            pass.set_pipeline(&self.pipeline);
+            pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             scene.draw_surfaces(context, pass);
         })
     }
 
-    fn fill(&mut self, blockers: &Blockers, transfer: &Transfer, directions: usize) {
+    fn fill(&mut self, blockers: &Blockers, transfer: &Transfer) {
         let terms = &mut *self.terms;
         let order = transfer.order();
-        let spheres = &blockers.spheres()[..blockers.spheres().len().min(MOST_SPHERES)];
-        terms.counts = [order as u32, spheres.len() as u32, directions as u32, 0];
+        let spheres = &blockers.spheres()[..blockers.spheres().len().min(SHADER_SPHERES)];
+        terms.counts = [order as u32, spheres.len() as u32, 0, 0];
         for (slot, sphere) in terms.spheres.iter_mut().zip(spheres) {
             *slot = sphere.centre_world.extend(sphere.radius_m).to_array();
         }
@@ -115,25 +117,33 @@ impl SoftShadow {
             let [r, g, b] = matrix[i * count + k];
             *slot = [r, g, b, 0.0];
         }
-        if self.directions == (directions, order) {
-            return;
+        let (directions, [softness, least_sine], means) = blockers.directions();
+        terms.counts[2] = directions.len() as u32;
+        let solid_angle = 4.0 * std::f32::consts::PI / directions.len().max(1) as f32;
+        terms.softness = [softness, least_sine, solid_angle, 0.0];
+        for (slot, [x, y, z]) in terms.directions.iter_mut().zip(directions) {
+            *slot = [*x, *y, *z, 0.0];
         }
-        self.directions = (directions, order);
-        let h = soft_directions::softness(directions);
-        let solid_angle = 4.0 * std::f64::consts::PI / directions as f64;
-        terms.softness = [h as f32, (0.5 * h).sin() as f32, solid_angle as f32, 0.0];
-        let mut means = [0.0f64; MAX_COEFFICIENTS];
-        for (j, slot) in terms.directions.iter_mut().enumerate().take(directions) {
-            let w = soft_directions::direction(j, directions);
-            *slot = [w[0] as f32, w[1] as f32, w[2] as f32, 0.0];
-            let mut y = [0.0f64; MAX_COEFFICIENTS];
-            basis::evaluate(order, w, &mut y);
-            for (mean, y) in means.iter_mut().zip(y).skip(1) {
-                *mean += y / directions as f64;
-            }
-        }
-        for (i, mean) in means.iter().enumerate() {
-            terms.means[i / 4][i % 4] = *mean as f32;
+        for (slot, mean) in terms.means.as_flattened_mut().iter_mut().zip(means) {
+            *slot = *mean;
         }
     }
+}
+
+fn pipeline(
+    context: &GpuContext,
+    built: &Built,
+    fragment: &str,
+) -> Result<wgpu::RenderPipeline, EngineError> {
+    let drawing = Drawing {
+        vertex: "vertex",
+        fragment,
+        stride: size_of::<SurfaceVertex>() as u64,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
+        color: RATIOS_FORMAT,
+        write: wgpu::ColorWrites::ALL,
+        nearer: wgpu::CompareFunction::Greater,
+        samples: 1,
+    };
+    built.drawing(context, &drawing)
 }
