@@ -48,7 +48,12 @@ impl Place {
         table.tints_rgb.clear();
         let scene = Scene {
             objects: vec![ball],
-            surfaces: vec![RealSurface { name: "table".into(), mesh: table, receives_shadow: true }],
+            surfaces: vec![RealSurface {
+                name: "table".into(),
+                mesh: table,
+                receives_shadow: true,
+                albedo_rgb: None,
+            }],
             figures: vec![Figure::still(
                 "ball".into(),
                 0,
@@ -95,6 +100,7 @@ impl Place {
             world_from_camera: &self.pose,
             light: &self.light,
             posed: Some(&self.posed),
+            environment: None,
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.5, gain: 1.0 },
             t: Timestamp(7),

@@ -64,11 +64,35 @@ impl Halver {
     }
 }
 
+impl Halver {
+    /// The picture of the environment without what the hard lights of the last call of `halve` stand for, as weighted
+    /// directions; `false` (and nothing is written) where these do not stand for parts of a picture.
+    pub fn left_over(&self, out: &mut RadianceSamples) -> bool {
+        let by_picture = self.options.kind == SplitKind::Compact && self.has_picture;
+        if by_picture {
+            self.compact.left_over(out);
+        }
+        by_picture
+    }
+}
+
 /// Halves the light of one picture.
 pub fn halve_still(samples: &RadianceSamples, total: &RadianceSh, options: HalveOptions) -> Lights {
+    halve_still_with_rest(samples, total, options).0
+}
+
+/// As [`halve_still`], with what [`Halver::left_over`] gives, where it gives anything.
+pub fn halve_still_with_rest(
+    samples: &RadianceSamples,
+    total: &RadianceSh,
+    options: HalveOptions,
+) -> (Lights, Option<RadianceSamples>) {
     let mut halver = Halver::new(options);
     halver.see(samples, 1.0, 0.0);
-    halver.halve(total)
+    let lights = halver.halve(total);
+    let mut left = RadianceSamples::default();
+    let has_rest = halver.left_over(&mut left);
+    (lights, has_rest.then_some(left))
 }
 
 #[cfg(test)]

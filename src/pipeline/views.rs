@@ -134,6 +134,8 @@ impl Views {
             world_from_camera: input.world_from_camera,
             light: &light,
             posed: if view == PictureView::Blockers { None } else { input.posed },
+            // One half by itself is seen in mirrors as SH: the picture holds both.
+            environment: if own_background { None } else { input.environment },
             response: if share { &self.even_response } else { input.response },
             shown_exposure: if share { Exposure { time_s: 1.0, gain: 1.0 } } else { input.shown_exposure },
             t: input.t,

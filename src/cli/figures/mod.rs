@@ -12,11 +12,13 @@ use crate::daemon::run::prepare;
 use crate::device::{Truth, clock::ManualClock};
 use crate::engine::Engine;
 use crate::light::{
-    halve::{HalveOptions, halve_still},
+    halve::{HalveOptions, halve_still, halve_still_with_rest},
+    prefilter::Prefilter,
     split::SplitOptions,
 };
 use crate::model::{
     blocker::Rung,
+    environment::EnvironmentPicture,
     estimate::LightEstimate,
     frame::RawFrame,
     image::{Image, RadianceImage, Rgb8Image},
@@ -145,22 +147,36 @@ impl Moment {
             quantity: Quantity::Radiance,
             view: PictureView::Final,
             samples: from.samples.clone(),
+            environment: None,
         };
         // Figures need not hurry.
-        let quality = Quality { soft_step_px: 1, directions: 256, shadow_maps: 16, ..settings.quality };
+        let quality = Quality { soft_step_px: 2, directions: 256, shadow_maps: 16, ..settings.quality };
         Ok(Self { still, estimate, above_horizon: settings.ball_on_surface, quality })
     }
 
     /// The light of the moment, halved for other settings.
     fn halved(&self, quality: &Quality) -> Lights {
-        let options = HalveOptions {
+        halve_still(&self.still.samples, &self.estimate.total, self.halve_options(quality))
+    }
+
+    /// What mirrors and sharp gloss see then.
+    fn environment(&self, quality: &Quality) -> EnvironmentPicture {
+        let samples = &self.still.samples;
+        let (_, left) = halve_still_with_rest(samples, &self.estimate.total, self.halve_options(quality));
+        let (mut work, mut picture) = (Prefilter::default(), EnvironmentPicture::default());
+        work.see(samples, 1.0, &mut picture);
+        work.levels(left.as_ref(), &mut picture);
+        picture
+    }
+
+    fn halve_options(&self, quality: &Quality) -> HalveOptions {
+        HalveOptions {
             kind: quality.split,
             shadow_maps: quality.shadow_maps,
             net_flux: SplitOptions::default(),
             above_horizon: self.above_horizon,
             dering: quality.dering,
-        };
-        halve_still(&self.still.samples, &self.estimate.total, options)
+        }
     }
 }
 
@@ -203,7 +219,9 @@ impl Artist<'_> {
         light: &Lights,
         quality: &Quality,
     ) -> Result<super::render::Drawn, CliError> {
-        let still = Still { view, light: *light, ..self.moment.still.clone() };
+        let environment = self.moment.environment(quality);
+        let still =
+            Still { view, light: *light, environment: Some(environment), ..self.moment.still.clone() };
         still.draw(self.engine, quality, None, 0)
     }
 

@@ -9,9 +9,13 @@ use crate::cli::CliError;
 use crate::daemon::blocker_spheres;
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
-use crate::light::halve::{HalveOptions, halve_still};
+use crate::light::{
+    halve::{HalveOptions, halve_still, halve_still_with_rest},
+    prefilter::{Prefilter, Wanted},
+};
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
 use crate::model::{
+    environment::EnvironmentPicture,
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
     light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
@@ -67,17 +71,27 @@ pub fn of_scene(
             Some(read_map(file, *layout, *y_up, *rotation_deg, engine, quality)?)
         }
     };
+    let mut environment = None;
     let light = match (&total, &file.light) {
         (Some((total, samples)), source) => {
             let on_surface = matches!(source, LightSource::Ball(_)) && file.ball_on_surface;
             let above_horizon = on_surface || faces_up(&file.scene);
             let options = halve_options(quality, above_horizon);
-            let lights = halve_still(samples, total, options);
+            let (light, left) = halve_still_with_rest(samples, total, options);
+            let wanted = Wanted::by(&file.scene, quality.sh_order);
+            if wanted.picture {
+                let picture = environment.insert(EnvironmentPicture::default());
+                let mut work = Prefilter::default();
+                work.see(samples, 1.0, picture);
+                if wanted.glossy {
+                    work.levels(left.as_ref(), picture);
+                }
+            }
             if options.dering {
                 let plain = halve_still(samples, total, HalveOptions { dering: false, ..options });
-                notes.push(dering_note(&plain.global, &lights.global));
+                notes.push(dering_note(&plain.global, &light.global));
             }
-            lights
+            light
         }
         (None, LightSource::Stated { constant_rgb, direct }) => {
             let mut global = RadianceSh::zero(quality.sh_order);
@@ -119,6 +133,7 @@ pub fn of_scene(
         lens: camera.lens,
         world_from_camera: camera.world_from_camera,
         light,
+        environment,
         background,
         response,
         exposure_s,

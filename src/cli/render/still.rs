@@ -9,6 +9,7 @@ use crate::engine::{Engine, RelightInput};
 use crate::light::{halve::HalveOptions, split::SplitOptions};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
+    environment::EnvironmentPicture,
     frame::Exposure,
     image::{HdrImage, RadianceImage, Rgb8Image},
     light::{Lights, RadianceSamples},
@@ -54,6 +55,8 @@ pub struct Still {
     pub world_from_camera: Pose,
     /// The light of the objects.
     pub light: Lights,
+    /// What mirrors and sharp gloss see.
+    pub environment: Option<EnvironmentPicture>,
     /// The place without the objects.
     pub background: HdrImage,
     /// For the 8-bit picture.
@@ -113,7 +116,9 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
     blocker_spheres::fit(&mut scene);
     let emitters = case.emitters(Some(image)).map_err(file)?;
     let sources = case_light::sources(case, &emitters)?;
-    let light = case_light::split_for_objects(case, &scene, &sources, quality)?;
+    let (light, left) = case_light::split_for_objects(case, &scene, &sources, quality)?;
+    let environment =
+        case_light::picture_for_objects(case, &scene, &sources, left.as_ref(), quality.sh_order);
     let background = background::shade(case, &scene, &sources);
     let quantity = if image == "ratio" {
         Quantity::Ratio
@@ -127,6 +132,7 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         lens: case.lens,
         world_from_camera: case.world_from_camera,
         light,
+        environment,
         background,
         response: Response::srgb(),
         exposure_s: None,
@@ -158,6 +164,7 @@ impl Still {
             lens: &self.lens,
             world_from_camera: &self.world_from_camera,
             light: &self.light,
+            environment: self.environment.as_ref(),
             posed: Some(&posed),
             response: &self.response,
             shown_exposure: Exposure { time_s, gain: 1.0 },
