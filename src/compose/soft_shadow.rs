@@ -329,6 +329,7 @@ mod tests {
             normals: vec![Vec3::Z; 3],
             triangles: vec![[0, 1, 2]],
             facet_normals: vec![Vec3::Z],
+            albedo_rgb: vec![None],
             receives: vec![true],
         };
         let mut planes = Planes::default();

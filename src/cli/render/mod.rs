@@ -10,16 +10,12 @@ pub use compare::{Comparison, MaskError, ShadowError, compare};
 pub use scene_still::of_scene;
 pub use still::{Drawn, Quantity, Still, default_image, of_case};
 
-use super::{CliError, Common};
+use super::{CliError, Common, quality_flags::QualityFlags};
 use crate::assets::{case, pictures, scene};
+use crate::config::Settings;
 use crate::engine::Engine;
 use crate::math::lens::Lens;
-use crate::model::{
-    blocker::Rung,
-    light::MAX_HARD_LIGHTS,
-    quality::{Quality, SplitKind},
-};
-use crate::visibility::blockers::DIRECTIONS;
+use crate::model::picture::PictureView;
 use std::path::{Path, PathBuf};
 
 /// Draw one still of a scene file or of a reference case.
@@ -30,8 +26,8 @@ use std::path::{Path, PathBuf};
 /// Of a case (a JSON file or its folder) the receivers are shaded without the objects, from the case's own
 /// emitters: Lambert, exact irradiance, no interreflection. That picture stands for the camera's, and the
 /// objects are drawn over it by the engine as over any other. The objects' light: one directional emitter is
-/// the hard half and everything else the soft half; a constant sky alone is soft; any other light goes to SH
-/// and is split as in the paper. Where a plane z = 0 is among the receivers the lower half of a distant light is cut off.
+/// the hard half and everything else the soft half; a constant sky alone is soft; any other light is split as
+/// --split says. Where a plane z = 0 is among the receivers the lower half of a distant light is cut off.
 ///
 /// Example: halflight render shared/reference/f4_sun45 --image sun_only --out sun.exr --compare
 #[derive(clap::Args, Debug)]
@@ -60,79 +56,30 @@ pub struct Arguments {
     /// Draw so many times more and report the median time of each pass.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub repeat: usize,
-    /// SH order of the light, 2 to 6.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().sh_order)]
-    pub sh_order: usize,
-    /// What becomes of the light: compact lights with their extent, one light by net flux (paper, bounded), or none (sh).
-    #[arg(long, value_name = "KIND", default_value = SplitKind::Compact.name())]
-    pub split: String,
-    /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions.
-    #[arg(long, value_name = "RUNG", default_value = Rung::Directions.name())]
-    pub rung: String,
-    /// Directions that the rung `directions` tests, 32 to 256.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().directions)]
-    pub directions: usize,
-    /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().soft_step_px)]
-    pub soft_step_px: u32,
-    /// Shadow maps that compact lights share, 1 to 64.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().shadow_maps)]
-    pub shadow_maps: usize,
-    /// Shadow map texels a side, 64 to 4096.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().shadow_map_texels)]
-    pub shadow_map_texels: u32,
-    /// Taps a side of the shadow filter, 1 to 8.
-    #[arg(long, value_name = "N", default_value_t = Quality::default().pcf_taps)]
-    pub pcf_taps: u32,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW", default_value = PictureView::Final.name(), conflicts_with = "compare")]
+    pub view: String,
+    /// Accuracy against time.
+    #[command(flatten)]
+    pub quality: QualityFlags,
 }
 
 /// Runs `halflight render`.
 pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    if !(2..=6).contains(&arguments.sh_order) {
-        return Err(CliError(format!("--sh-order = {}: must be within 2..=6", arguments.sh_order)));
-    }
     if let Some(seconds) = arguments.exposure_s
         && !(seconds.is_finite() && seconds > 0.0)
     {
         return Err(CliError(format!("--exposure-s = {seconds}: must be above 0 s")));
     }
     let save = arguments.out.as_deref().map(output_format).transpose()?;
-    let split = SplitKind::from_name(&arguments.split).ok_or_else(|| {
-        CliError(format!("--split = {}: must be one of {}", arguments.split, SplitKind::NAMES.join(", ")))
-    })?;
-    let rung = Rung::parse(&arguments.rung).ok_or_else(|| {
-        let names = Rung::ALL.map(Rung::name).join(", ");
-        CliError(format!("--rung = {}: must be one of {names}", arguments.rung))
-    })?;
-    if !DIRECTIONS.contains(&arguments.directions) {
-        let (low, high) = DIRECTIONS.into_inner();
-        return Err(CliError(format!(
-            "--directions = {}: must be within {low}..={high}",
-            arguments.directions
-        )));
-    }
-    if !(1..=MAX_HARD_LIGHTS).contains(&arguments.shadow_maps) {
-        let most = MAX_HARD_LIGHTS;
-        return Err(CliError(format!(
-            "--shadow-maps = {}: must be within 1..={most}",
-            arguments.shadow_maps
-        )));
-    }
-    let quality = Quality {
-        split,
-        rung,
-        directions: arguments.directions,
-        soft_step_px: arguments.soft_step_px,
-        shadow_maps: arguments.shadow_maps,
-        sh_order: arguments.sh_order,
-        shadow_map_texels: arguments.shadow_map_texels,
-        pcf_taps: arguments.pcf_taps,
-        ..Quality::default()
-    };
+    let view = view_named(&arguments.view)?;
+    let mut settings = Settings::default();
+    arguments.quality.apply(&mut settings)?;
+    let quality = settings.quality;
     let mut engine = common.open_engine()?;
     let mut notes = Vec::new();
     let is_scene = arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (still, case) = if is_scene {
+    let (mut still, case) = if is_scene {
         if arguments.image.is_some() || arguments.width_px.is_some() {
             return Err(CliError(
                 "--image, --width-px: belong to reference cases, not to scene files".into(),
@@ -151,6 +98,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         };
         (still::of_case(&case, &image, &quality)?, Some((case, image)))
     };
+    still.view = view;
     let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
 
     if let (Some(out), Some(format)) = (&arguments.out, save) {
@@ -169,6 +117,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref(), &notes);
     Ok(())
+}
+
+/// What `--view` names.
+pub(super) fn view_named(name: &str) -> Result<PictureView, CliError> {
+    PictureView::from_name(name)
+        .ok_or_else(|| CliError(format!("--view = {name}: must be one of {}", PictureView::NAMES.join(", "))))
 }
 
 /// A lens for another number of columns.

@@ -5,7 +5,7 @@ mod report;
 mod sheet;
 pub mod statistics;
 
-use super::{CliError, Common, common::PixelDigest};
+use super::{CliError, Common, common::PixelDigest, quality_flags::QualityFlags};
 use crate::assets::pictures;
 use crate::config::settings::{RunMode, Settings};
 use crate::daemon::run::{prepare, run as run_prepared};
@@ -44,9 +44,14 @@ pub struct Arguments {
     /// As time passes instead of frame by frame: the newest frame wins.
     #[arg(long)]
     realtime: bool,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW")]
+    view: Option<String>,
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
+    #[command(flatten)]
+    quality: QualityFlags,
 }
 
 /// Runs `halflight replay`.
@@ -110,9 +115,13 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
     if let Some(frames) = arguments.frames {
         settings.frames = frames;
     }
+    if let Some(view) = &arguments.view {
+        settings.view = super::render::view_named(view)?;
+    }
     if let Some(scene) = &arguments.scene {
         settings.scene_file = scene.display().to_string();
     }
+    arguments.quality.apply(&mut settings)?;
     Ok(settings)
 }
 

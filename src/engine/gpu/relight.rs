@@ -19,7 +19,10 @@ use super::{
 };
 use crate::{
     animate::posed::Posed,
-    compose::{raster, shade_object::LightTerms},
+    compose::{
+        raster,
+        shade_object::{LightTerms, Surroundings},
+    },
     engine::{EngineError, RelightInput, cpu},
     model::{picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
@@ -181,9 +184,14 @@ impl Relighter {
                         cameras: &cameras,
                         shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                     };
+                    twins.prepare_reflected(input);
+                    let order = light.order;
+                    let (picture, norm) = (input.environment, quality.phong_norm);
+                    let surroundings = Surroundings::new(picture, &twins.reflected, norm, order);
                     let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
                     let layer = &mut exchange.object_layer;
-                    kernel.run(&mut recorder, &mut self.scene, &frame, quality.coverage_samples, layer)?;
+                    let samples = quality.coverage_samples;
+                    kernel.run(&mut recorder, &mut self.scene, &frame, &surroundings, samples, layer)?;
                     exchange.object_place = Place::Device;
                 }
                 Pass::ShadeSurface => {

@@ -1,0 +1,108 @@
+//! Flags for every accuracy setting; what each may be stands in the table of keys.
+
+use super::CliError;
+use crate::config::{keys::KEYS, settings::Settings};
+use toml::Value;
+
+/// Accuracy against time. Each flag is a key of the settings file and wins over it; `halflight check --manual` says more.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Accuracy against time")]
+pub struct QualityFlags {
+    /// SH order of the light: 2 to 6 [default: 4].
+    #[arg(long, value_name = "N")]
+    pub sh_order: Option<i64>,
+    /// What becomes of the light: compact (lights with their extent), paper or bounded (one light by net flux), or sh
+    /// (none) [default: compact].
+    #[arg(long, value_name = "KIND")]
+    pub split: Option<String>,
+    /// Damp the soft half of the light until it shines negatively on no surface, and no more; `render` says what that
+    /// costs.
+    #[arg(long)]
+    pub dering: bool,
+    /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions
+    /// [default: directions].
+    #[arg(long, value_name = "RUNG")]
+    pub rung: Option<String>,
+    /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
+    #[arg(long, value_name = "N")]
+    pub directions: Option<i64>,
+    /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
+    #[arg(long, value_name = "N")]
+    pub soft_step_px: Option<i64>,
+    /// Shadow maps that compact lights share: 1 to 64 [default: 8].
+    #[arg(long, value_name = "N")]
+    pub shadow_maps: Option<i64>,
+    /// Shadow map texels a side: 64 to 4096 [default: 1024].
+    #[arg(long, value_name = "N")]
+    pub shadow_map_texels: Option<i64>,
+    /// Taps a side of the shadow filter: 1 to 8 [default: 4].
+    #[arg(long, value_name = "N")]
+    pub pcf_taps: Option<i64>,
+}
+
+impl QualityFlags {
+    /// Puts what was given over the settings. Errors: the flag, its value and what is allowed.
+    pub fn apply(&self, settings: &mut Settings) -> Result<(), CliError> {
+        let whole = |value: Option<i64>| value.map(Value::Integer);
+        let word = |value: &Option<String>| value.clone().map(Value::String);
+        let given = [
+            ("--sh-order", "light.order", whole(self.sh_order)),
+            ("--split", "light.split", word(&self.split)),
+            ("--dering", "light.dering", self.dering.then_some(Value::Boolean(true))),
+            ("--rung", "quality.rung", word(&self.rung)),
+            ("--directions", "quality.directions", whole(self.directions)),
+            ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
+            ("--shadow-maps", "quality.shadow_maps", whole(self.shadow_maps)),
+            ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
+            ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
+        ];
+        for (flag, name, value) in given {
+            let (Some(value), Some(key)) = (value, KEYS.iter().find(|key| key.name == name)) else {
+                continue;
+            };
+            if !key.range.admits(&value) {
+                let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+                return Err(CliError(format!("{flag} = {shown}: must be {}", key.range.describe())));
+            }
+            (key.write)(settings, &value);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flag_reaches_its_setting() {
+        let flags = QualityFlags {
+            sh_order: Some(6),
+            split: Some("paper".into()),
+            dering: true,
+            rung: Some("hybrid".into()),
+            directions: Some(256),
+            soft_step_px: Some(2),
+            shadow_maps: Some(3),
+            shadow_map_texels: Some(512),
+            pcf_taps: Some(8),
+        };
+        let mut settings = Settings::default();
+        flags.apply(&mut settings).unwrap();
+        let before = Settings::default().quality;
+        let quality = settings.quality;
+        assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
+        assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
+        assert!(quality.dering && !before.dering);
+        assert!(quality.split != before.split && quality.rung != before.rung);
+    }
+
+    #[test]
+    fn what_is_not_allowed_is_named() {
+        let refused = |flags: QualityFlags| flags.apply(&mut Settings::default()).unwrap_err().to_string();
+        let rung = refused(QualityFlags { rung: Some("ladder".into()), ..QualityFlags::default() });
+        assert!(rung.contains("--rung = ladder") && rung.contains("\"hybrid\""), "{rung}");
+        let order = refused(QualityFlags { sh_order: Some(7), ..QualityFlags::default() });
+        assert!(order.contains("--sh-order = 7") && order.contains("2..=6"), "{order}");
+    }
+}

@@ -1,0 +1,79 @@
+//! F1 of the reference through the whole product: what every split, number of maps and rung costs, as a table, and what
+//! must hold of it.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
+
+mod support;
+
+use halflight::assets::case;
+use halflight::cli::render::{compare, of_case};
+use halflight::engine::cpu::CpuEngine;
+use halflight::model::{
+    blocker::Rung,
+    quality::{Quality, SplitKind},
+};
+use std::path::Path;
+
+/// Relative RMSE of the gray ratio where it is below 0.93 in truth and no sphere covers the pixel.
+fn error(shared: &Path, id: &str, quality: &Quality) -> f64 {
+    let case = case::load(&shared.join("reference").join(id)).unwrap();
+    let still = of_case(&case, "ratio", quality).unwrap();
+    let drawn = still.draw(&mut CpuEngine::new(Some(2)).unwrap(), quality, None, 0).unwrap();
+    compare(&case, "ratio", &still, &drawn).unwrap().shadow.unwrap().relative_rmse
+}
+
+fn row(shared: &Path, id: &str, name: &str, columns: &[(&str, Quality)]) -> Vec<f64> {
+    let errors: Vec<f64> = columns.iter().map(|(_, q)| error(shared, id, q)).collect();
+    let cells: Vec<String> = columns.iter().zip(&errors).map(|((c, _), e)| format!("{c}: {e:.3}")).collect();
+    println!("{id:27} {name:8} {}", cells.join("  "));
+    errors
+}
+
+/// What the formulas' section 4b has for exact visibility at n = 4, 16, 64, and for the paper's split over the plane.
+const KNOWN: [(&str, [f64; 3], f64); 4] = [
+    ("f1_sun_beach_one", [0.31, 0.093, 0.086], 0.93),
+    ("f1_studio_lamps_five", [0.56, 0.12, 0.060], 2.06),
+    ("f1_room_windows_five", [0.020, 0.012, 0.009], 0.18),
+    ("f1_overcast_city_figure20", [0.012, 0.012, 0.011], 0.21),
+];
+
+#[test]
+fn every_split_and_number_of_maps() {
+    let Some(shared) = support::shared("every_split_and_number_of_maps") else { return };
+    let compact = |shadow_maps| Quality { shadow_maps, ..Quality::default() };
+    for (id, known, paper) in KNOWN {
+        let maps = [("4", compact(4)), ("16", compact(16)), ("64", compact(64))];
+        for (e, known) in row(&shared, id, "compact", &maps).iter().zip(known) {
+            assert!(*e <= known + 0.03, "{id}: {e}, known {known}");
+        }
+        let split = |split| Quality { split, ..Quality::default() };
+        let others = [
+            ("paper", split(SplitKind::Paper)),
+            ("bounded", split(SplitKind::Bounded)),
+            ("sh", split(SplitKind::Sh)),
+        ];
+        let errors = row(&shared, id, "split", &others);
+        println!("{:36} paper's split over the plane, known: {paper}", "");
+        // Within 20 % of the known column but for studio_lamps, which is 20.2 % below: the same split with exact visibility
+        // is 19.4 % below (tests/split_dial.rs holds it to 20 %), and our ratios never leave 0 to 1.
+        assert!((errors[0] / paper - 1.0).abs() < 0.22, "{id}: paper {}, known {paper}", errors[0]);
+    }
+    // Under a sun few maps do better than by energy times extent (0.34 at n = 2, 0.31 at n = 4).
+    let few = row(&shared, "f1_sun_beach_one", "compact", &[("1", compact(1)), ("2", compact(2))]);
+    assert!(few[0] < 0.26 && few[1] < 0.34, "{few:?}");
+}
+
+#[test]
+fn every_rung() {
+    let Some(shared) = support::shared("every_rung") else { return };
+    for id in ["f1_room_windows_five", "f1_studio_lamps_five"] {
+        let with = |rung| Quality { shadow_maps: 64, soft_step_px: 2, rung, ..Quality::default() };
+        let columns = Rung::ALL.map(|rung| (rung.name(), with(rung)));
+        let errors = row(&shared, id, "rung", &columns);
+        // 256 directions stand for exact visibility.
+        let best = Quality { directions: 256, ..with(Rung::Directions) };
+        let exact = row(&shared, id, "rung", &[("directions 256", best)])[0];
+        let hybrid = errors[Rung::ALL.iter().position(|r| *r == Rung::Hybrid).unwrap()];
+        assert!(hybrid <= exact + 0.03, "{id}: hybrid {hybrid}, exact {exact}");
+        assert!(errors.iter().all(|e| e.is_finite()));
+    }
+}
