@@ -60,7 +60,7 @@ pub(super) struct Work {
     pub(super) transferred: Transferred,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
-    planes: Planes,
+    pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).

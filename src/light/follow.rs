@@ -227,6 +227,7 @@ mod tests {
             shadow_maps: 1,
             net_flux,
             above_horizon: false,
+            dering: false,
         }
     }
 

@@ -76,6 +76,8 @@ pub struct Quality {
     pub directions: usize,
     /// Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row: 1, 2 or 4.
     pub soft_step_px: u32,
+    /// The soft half is damped until it shines negatively on no surface, and no more.
+    pub dering: bool,
     /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
     pub shadow_maps: usize,
     /// SH order of the light, 2 to 6.
@@ -103,6 +105,7 @@ impl Default for Quality {
             rung: Rung::Directions,
             directions: 128,
             soft_step_px: 4,
+            dering: false,
             shadow_maps: 8,
             sh_order: 4,
             self_shadow: SelfShadow::Openness,

@@ -1,6 +1,9 @@
 //! From estimates to the shown picture: plan, then draw.
 
-use super::Options;
+use super::{
+    Options,
+    views::{Subject, Views},
+};
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
 use crate::math::{lens::Lens, pose::Pose};
@@ -9,7 +12,7 @@ use crate::model::{
     frame::{Exposure, RawFrame},
     image::HdrImage,
     light::{Lights, RadianceSh},
-    picture::Picture,
+    picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
     scene::Scene,
@@ -31,6 +34,8 @@ pub struct Presenting {
     picture: Picture,
     quality: Quality,
     shown_exposure: ShownExposure,
+    view: PictureView,
+    views: Views,
 }
 
 impl Presenting {
@@ -45,6 +50,8 @@ impl Presenting {
             picture: Picture::default(),
             quality: options.quality,
             shown_exposure: ShownExposure::new(options),
+            view: options.view,
+            views: Views::default(),
         }
     }
 
@@ -68,8 +75,6 @@ impl Presenting {
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
-        let occasion = Occasion { camera: Some((lens, world_from_camera)), ..Occasion::SHOW };
-        effects::plan(&occasion, &self.scene, light, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,
             lens,
@@ -81,7 +86,9 @@ impl Presenting {
             shown_exposure: self.shown_exposure.chosen,
             t,
         };
-        engine.relight(&self.plan, &input, &mut self.picture).map_err(|error| {
+        let subject = Subject { scene: &self.scene, input: &input, quality: &self.quality, samples: None };
+        let drawn = self.views.draw(self.view, engine, &subject, &mut self.plan, &mut self.picture);
+        drawn.map_err(|error| {
             tracing::warn!("shown without virtual objects: {error}");
             "the engine could not draw"
         })
@@ -115,6 +122,16 @@ impl Presenting {
             self.picture.display.reshape(frame.pixels.width(), frame.pixels.height(), [0; 3]);
             self.picture.display.pixels_mut().copy_from_slice(frame.pixels.pixels());
         }
+    }
+
+    /// What is drawn.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Exposure of the shown pictures.
+    pub fn shown_exposure(&self) -> Exposure {
+        self.shown_exposure.chosen
     }
 
     /// The last picture.

@@ -12,17 +12,15 @@ use crate::model::{
     environment::EnvironmentPicture,
     frame::Exposure,
     image::{HdrImage, RadianceImage, Rgb8Image},
-    light::Lights,
-    picture::Picture,
+    light::{Lights, RadianceSamples},
+    picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
     scene::Scene,
     time::Timestamp,
 };
-use crate::plan::{
-    FramePlan, PassTiming,
-    effects::{self, Occasion},
-};
+use crate::pipeline::views::{Subject, Views};
+use crate::plan::{FramePlan, PassTiming};
 
 /// How a still's light is halved.
 pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
@@ -31,6 +29,7 @@ pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOpti
         shadow_maps: quality.shadow_maps,
         net_flux: SplitOptions::default(),
         above_horizon,
+        dering: quality.dering,
     }
 }
 
@@ -66,6 +65,10 @@ pub struct Still {
     pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
     pub quantity: Quantity,
+    /// Which part of the work is shown.
+    pub view: PictureView,
+    /// The light as it was measured, world frame; empty where it was not.
+    pub samples: RadianceSamples,
 }
 
 /// A still.
@@ -135,6 +138,8 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         response: Response::srgb(),
         exposure_s: None,
         quantity,
+        view: PictureView::Final,
+        samples: RadianceSamples::default(),
     })
 }
 
@@ -152,8 +157,6 @@ impl Still {
         let failed = |e: crate::engine::EngineError| CliError(e.to_string());
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
-        let occasion = Occasion { camera: Some((&self.lens, &self.world_from_camera)), ..Occasion::SHOW };
-        effects::plan(&occasion, &self.scene, &self.light, quality, &mut plan);
         let time_s =
             exposure_s.or(self.exposure_s).unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
         let posed = Posed::new(&self.scene);
@@ -168,13 +171,14 @@ impl Still {
             shown_exposure: Exposure { time_s, gain: 1.0 },
             t: Timestamp(0),
         };
-        let mut picture = Picture::default();
-        engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+        let subject = Subject { scene: &self.scene, input: &input, quality, samples: Some(&self.samples) };
+        let (mut views, mut picture) = (Views::default(), Picture::default());
+        views.draw(self.view, engine, &subject, &mut plan, &mut picture).map_err(failed)?;
         let mut timings = Vec::new();
         engine.take_timings(&mut timings);
         let mut runs = vec![Vec::with_capacity(repeat); timings.len()];
         for _ in 0..repeat {
-            engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+            views.draw(self.view, engine, &subject, &mut plan, &mut picture).map_err(failed)?;
             engine.take_timings(&mut timings);
             runs.iter_mut().zip(&timings).for_each(|(run, t)| run.push(t.ms));
         }

@@ -7,6 +7,9 @@ use crate::{
     visibility::blockers::BlockerTerms,
 };
 
+/// Normals of flat receivers that `PlaneTerms` holds.
+pub const PLANES: usize = 3;
+
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Member {
@@ -188,6 +191,18 @@ shared_struct! {
         means: [[f32; 4]; 9],
         /// M^{L_g}, rows i, columns k <= i.
         matrix: [[f32; 4]; 666],
+    }
+}
+
+shared_struct! {
+    /// Flat receivers of `compose/soft_shadow`. Twin: `visibility::blockers::Plane`.
+    PlaneTerms {
+        /// Normals, 0, 0, 0.
+        counts: [u32; 4],
+        /// Unit, world frame.
+        normals: [[f32; 4]; PLANES],
+        /// Of each, what a blocked direction or coefficient takes, r, g, b.
+        weights: [[[f32; 4]; 256]; PLANES],
     }
 }
 

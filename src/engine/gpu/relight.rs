@@ -10,7 +10,7 @@ use super::{
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
-        soft_shadow::SoftShadow,
+        soft_shadow::{Soft, SoftShadow},
         tonemap::Tonemap,
     },
     recorder::{Recorder, Timer},
@@ -164,8 +164,11 @@ impl Relighter {
                             &mut recorder,
                             &mut self.scene,
                             &coarse_view,
-                            &twins.blockers,
-                            &twins.transfer,
+                            &Soft {
+                                blockers: &twins.blockers,
+                                transfer: &twins.transfer,
+                                planes: &twins.planes,
+                            },
                             picture,
                         )?;
                         exchange.soft_place = Place::Device;

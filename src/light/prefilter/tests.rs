@@ -115,6 +115,7 @@ fn the_rest_and_the_hard_lights_are_the_whole() {
     samples_of_map(&map, &mut samples);
     let total = project_sh(&samples, 4);
     let options = HalveOptions {
+        dering: false,
         kind: SplitKind::Compact,
         shadow_maps: 8,
         net_flux: SplitOptions::default(),
