@@ -12,11 +12,12 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real test bench lint tools-build tools-gpu tools-film release clean-out
+.PHONY: help demo demo-real figures test bench lint tools-build tools-gpu tools-film release clean-out
 
 help:
 	@echo "make demo       build, replay the bundled recording, leave pictures and a report in out/"
 	@echo "make demo-real  the same on real photographs (needs the shared test data)"
+	@echo "make figures    the light in its halves, every part of a picture, the accuracy ladder, as sheets in out/figures"
 	@echo "make test       everything that needs no GPU hardware"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
@@ -35,6 +36,9 @@ release: tools-build
 
 demo: release tools-film
 	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out
+
+figures: release
+	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures
 
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real

@@ -64,7 +64,7 @@ fn ground() -> RealSurface {
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         ..Mesh::default()
     };
-    RealSurface { name: "ground".into(), mesh, receives_shadow: true }
+    RealSurface { name: "ground".into(), mesh, receives_shadow: true, albedo_rgb: None }
 }
 
 fn scene() -> Scene {
@@ -128,6 +128,7 @@ impl Frame {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            environment: None,
             posed: None,
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
@@ -253,6 +254,7 @@ fn no_allocation_per_frame() {
             lens: &frame.lens,
             world_from_camera: &frame.pose,
             light: &frame.light,
+            environment: None,
             posed: None,
             response: &frame.response,
             shown_exposure: exposures[0],

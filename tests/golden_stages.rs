@@ -8,7 +8,10 @@ mod support;
 use glam::{DVec3, Vec3};
 use golden::{Entry, Precision, numbers};
 use halflight::compose::geometry::MaterialTerms;
-use halflight::compose::shade_object::{LightTerms, ObjectPoint, shade};
+use halflight::compose::{
+    reflected::Reflected,
+    shade_object::{LightTerms, ObjectPoint, Surroundings, shade},
+};
 use halflight::hdr::merge_bracket::{MergeReal, merge_bracket, merge_pixels};
 use halflight::light::project_sh::project_sh;
 use halflight::light::split::{Estimator, SplitOptions, factor, irradiance, split};
@@ -122,17 +125,24 @@ fn shading_kernel(entry: &Entry) {
     let split = split(&light, &SplitOptions { gray_weights: weights(entry), ..SplitOptions::default() });
     let axis = Vec3::from(entry.direction::<f32>("axis"));
     // Seen along the normal the mirrored view is the normal, so that it is the axis of both lobes.
-    let point = ObjectPoint { normal: axis, to_eye: axis, tint_openness: [1.0; 4] };
+    let point = ObjectPoint {
+        position_world: Vec3::ZERO,
+        normal: axis,
+        to_eye: axis,
+        tint_openness: [1.0; 4],
+        transferred_rgb: None,
+    };
     let lambert = entry.id == "shade.0";
     let material = if lambert {
         Material::Lambert { albedo_rgb: [1.0; 3] }
     } else {
         Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [1.0; 3], exponent: 40.0 }
     };
-    // The kernel's Phong lobe has the energy-safe norm, (s+1)/(s+2) of the file's.
-    let norm = if lambert { 1.0 } else { 41.0 / 42.0 };
-    let got = shade(&LightTerms::of(&split.into()), &MaterialTerms::of(&material), &point, |_| 1.0)
-        .map(|v| v / norm);
+    // The file has the paper's norm.
+    let light = LightTerms::of(&split.into());
+    let nothing = Reflected::default();
+    let surroundings = Surroundings::new(None, &nothing, zonal::PhongNorm::Paper, light.order);
+    let got = shade(&light, &surroundings, &MaterialTerms::of(&material), &point, |_, _, _| 1.0);
     entry.check_key("total", Some(&got));
 }
 

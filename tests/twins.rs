@@ -3,12 +3,15 @@
 #[path = "support/gles.rs"]
 mod gles;
 mod support;
+#[path = "support/twin_scene.rs"]
+mod twin_scene;
+
+use twin_scene::{environment, scene};
 
 use std::sync::{Mutex, PoisonError};
 
 use halflight::{
     animate::posed::Posed,
-    assets::shapes,
     engine::{
         Bracket, Engine, LightJob, RelightInput,
         cpu::CpuEngine,
@@ -21,7 +24,7 @@ use halflight::{
         sh::basis,
     },
     model::{
-        animation::Figure,
+        environment::EnvironmentPicture,
         frame::Exposure,
         image::{HdrImage, Rgb8Image},
         light::{HardLight, Lights, RadianceSamples, RadianceSh},
@@ -29,7 +32,6 @@ use halflight::{
         quality::Quality,
         response::Response,
         rig::MirrorBall,
-        scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
         time::Timestamp,
     },
     plan::{
@@ -38,7 +40,7 @@ use halflight::{
     },
 };
 
-use glam::{Affine3A, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 /// A small generator with a fixed seed (64-bit linear congruential, upper bits).
 struct Dice(u64);
@@ -180,70 +182,12 @@ fn ball_matches(engine: GpuEngine) -> GpuEngine {
     engine
 }
 
-fn sphere(name: &str, bands: u32, centre: Vec3, radius: f64, material: Material) -> VirtualObject {
-    let mut mesh = shapes::uv_sphere(radius, 2 * bands, bands);
-    mesh.tints_rgb = mesh.normals.iter().map(|n| [0.5 + 0.5 * n.x, 1.0, 0.7 + 0.3 * n.z]).collect();
-    let openness = mesh.normals.iter().map(|n| 0.75 + 0.25 * n.z).collect();
-    let world_from_object = Affine3A::from_translation(centre);
-    VirtualObject { name: name.into(), mesh, material, world_from_object, openness }
-}
-
-fn box_mesh(low: Vec3, high: Vec3) -> Mesh {
-    let half = (0.5 * (high - low)).as_dvec3();
-    shapes::transformed(&shapes::cuboid(half), &Affine3A::from_translation(0.5 * (low + high)))
-}
-
-/// Matt, glossy and mirror spheres and a box on the ground; a real box in front hides some of them and receives
-/// shadows, a real board only hides.
-fn scene() -> Scene {
-    let matt = Material::Lambert { albedo_rgb: [0.8, 0.5, 0.3] };
-    let glossy = Material::Phong { albedo_rgb: [0.2, 0.3, 0.6], specular_rgb: [0.3; 3], exponent: 40.0 };
-    let mirror = Material::Mirror { reflectance_rgb: [0.9; 3] };
-    let cube = VirtualObject {
-        name: "cube".into(),
-        mesh: box_mesh(Vec3::new(-0.25, 0.1, 0.0), Vec3::new(-0.1, 0.25, 0.15)),
-        material: matt,
-        world_from_object: Affine3A::IDENTITY,
-        openness: Vec::new(),
-    };
-    let surface =
-        |name: &str, mesh, receives_shadow| RealSurface { name: name.into(), mesh, receives_shadow };
-    Scene {
-        objects: vec![
-            sphere("matt", 24, Vec3::new(0.0, 0.0, 0.1), 0.1, matt),
-            cube,
-            sphere("glossy", 20, Vec3::new(0.15, -0.12, 0.05), 0.05, glossy),
-            sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
-        ],
-        surfaces: vec![
-            surface("ground", shapes::plane_z0(50.0), true),
-            surface("box", box_mesh(Vec3::new(0.02, -0.25, 0.0), Vec3::new(0.1, -0.18, 0.07)), true),
-            surface("board", box_mesh(Vec3::new(-0.3, -0.2, 0.0), Vec3::new(-0.2, -0.19, 0.1)), false),
-        ],
-        // Spheres that stand for them where they block soft light; two bodies overlap on purpose.
-        figures: vec![
-            body(
-                "matt",
-                0,
-                Vec3::new(0.0, 0.0, 0.1),
-                &[(Vec3::ZERO, 0.1), (Vec3::new(0.02, 0.0, 0.01), 0.09)],
-            ),
-            body("cube", 1, Vec3::ZERO, &[(Vec3::new(-0.17, 0.17, 0.07), 0.09)]),
-            body("glossy", 2, Vec3::new(0.15, -0.12, 0.05), &[(Vec3::ZERO, 0.05)]),
-            body("mirror", 3, Vec3::new(-0.15, -0.1, 0.06), &[(Vec3::ZERO, 0.06)]),
-        ],
-    }
-}
-
-fn body(name: &str, object: usize, at: Vec3, spheres: &[(Vec3, f32)]) -> Figure {
-    Figure::still(name.into(), object, Affine3A::from_translation(at), spheres.iter().copied())
-}
-
 /// All that a frame is drawn from.
 struct Shot {
     lens: Lens,
     pose: Pose,
     light: Lights,
+    environment: EnvironmentPicture,
     background: HdrImage,
     response: Response,
     posed: Posed,
@@ -285,7 +229,8 @@ impl Shot {
             Quality { coverage_samples, soft_step_px, shadow_map_texels: 512, ..Quality::default() };
         effects::plan(&Occasion::SHOW, &scene(), &light, &quality, &mut plan);
         let pose = Pose::look_at(DVec3::new(0.3, -0.6, 0.5), DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
-        Self { lens, pose, light, background, response: Response::srgb(), posed: Posed::new(&scene()), plan }
+        let (response, posed) = (Response::srgb(), Posed::new(&scene()));
+        Self { lens, pose, light, environment: environment(), background, response, posed, plan }
     }
 
     fn input(&self) -> RelightInput<'_> {
@@ -294,6 +239,7 @@ impl Shot {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            environment: Some(&self.environment),
             posed: Some(&self.posed),
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },

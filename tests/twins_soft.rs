@@ -47,7 +47,7 @@ const MOST_AT_EDGES: usize = 8;
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 fn surface(name: &str, mesh: Mesh) -> RealSurface {
-    RealSurface { name: name.into(), mesh, receives_shadow: true }
+    RealSurface { name: name.into(), mesh, receives_shadow: true, albedo_rgb: None }
 }
 
 /// Spheres without objects, over the ground and a round real thing, whose normals are everywhere.
@@ -110,6 +110,7 @@ impl Shot {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            environment: None,
             posed: Some(&self.posed),
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },

@@ -64,6 +64,7 @@ fn scene(segments: u32) -> Scene {
             name: "table".into(),
             mesh: shapes::plane_z0(1.0),
             receives_shadow: true,
+            albedo_rgb: None,
         }],
         figures: Vec::new(),
     }
@@ -144,6 +145,7 @@ impl Frame {
             lens: &self.lens,
             world_from_camera: &self.pose,
             light: &self.light,
+            environment: None,
             posed: None,
             response: &self.response,
             shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },

@@ -1,12 +1,12 @@
 // Light onto virtual objects: E_k f+ from each hard light, the zonal lobe of the same f+ over the soft half
-// (Eq. 16, 19 of [Now11], as corrected). Four samples a pixel; real surfaces hide what lies behind them.
+// (Eq. 16, 19 of [Now11], as corrected); mirrors and sharp gloss from the picture of the environment. Four samples a pixel; real surfaces hide what lies behind them.
 // Twin: src/compose/shade_object.rs (and src/compose/raster.rs for coverage).
 
 struct MaterialTerms {
     albedo_rgb: vec4<f32>,
     // Reflectance of the lobe or mirror, and the exponent (-1: a mirror).
     specular_exponent: vec4<f32>,
-    // sqrt(4 pi / (2 l + 1)) z_l of the lobe, bands 0 to 3 and 4 to 5.
+    // sqrt(4 pi / (2 l + 1)) z_l of the lobe, bands 0 to 3 and 4 to 5; z of the second: the body.
     lobe_low: vec4<f32>,
     lobe_high: vec4<f32>,
 }
@@ -16,6 +16,8 @@ struct MaterialTerms {
 @group(0) @binding(2) var<uniform> cameras: ShadowCameras;
 @group(0) @binding(3) var<uniform> material: MaterialTerms;
 @group(0) @binding(4) var shadow_maps: texture_2d_array<u32>;
+@group(0) @binding(5) var<uniform> surroundings: Surroundings;
+@group(0) @binding(6) var environment: texture_2d<f32>;
 
 const FRAC_1_PI = 0.318309886;
 const TAU = 6.28318531;
@@ -95,9 +97,14 @@ fn shade(
     let exponent = material.specular_exponent.w;
     let r = 2.0 * dot(n, to_eye) * n - to_eye;
     if exponent == MIRROR_EXPONENT {
+        if (surroundings.counts.w & HAS_PICTURE) != 0u {
+            return specular * reflected(point_world, r, material.lobe_high.z);
+        }
         return specular * lobe_sum(TOTAL, material.lobe_low, material.lobe_high.xy, r);
     }
     let is_glossy = any(specular != vec3<f32>(0.0));
+    let sharp = is_sharp(exponent);
+    let shines = !sharp || (surroundings.counts.w & HOLDS_HARD_LIGHTS) == 0u;
     var matt = vec3<f32>(0.0);
     var shine = vec3<f32>(0.0);
     for (var k = 0u; k < light.order_hard.y; k += 1u) {
@@ -109,7 +116,7 @@ fn shade(
             let irradiance = light.hard[k].irradiance_rgb.xyz;
             matt += irradiance * (cosine * FRAC_1_PI * visible);
             let along = dot(r, w);
-            if is_glossy && along > 0.0 {
+            if is_glossy && shines && along > 0.0 {
                 shine += irradiance * ((exponent + 1.0) / TAU * pow(min(along, 1.0), exponent) * visible);
             }
         }
@@ -118,8 +125,15 @@ fn shade(
     let albedo = material.albedo_rgb.xyz * tint_openness.xyz;
     var out = albedo * (matt + openness * soft_over_pi(n));
     if is_glossy {
-        let glossy = lobe_sum(GLOBAL, material.lobe_low, material.lobe_high.xy, r);
-        out += specular * (shine + openness * glossy);
+        var glossy = vec3<f32>(0.0);
+        if sharp {
+            glossy = gloss(exponent, r);
+        } else {
+            glossy = lobe_sum(GLOBAL, material.lobe_low, material.lobe_high.xy, r);
+        }
+        // The terms have the energy-safe norm in both halves.
+        let scale = select(1.0, (exponent + 2.0) / (exponent + 1.0), surroundings.settings.y == 1.0);
+        out += specular * scale * (shine + openness * glossy);
     }
     return out;
 }

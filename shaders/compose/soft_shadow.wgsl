@@ -20,9 +20,23 @@ struct SoftTerms {
     matrix: array<vec4<f32>, 666>,
 }
 
+// Up to three normals of flat receivers, and what a direction (rung `directions`) or a coefficient of V (the others) that
+// is blocked takes there: those of normal p from 256 p on.
+struct PlaneTerms {
+    // Normals, 0, 0, 0.
+    counts: vec4<u32>,
+    normals: array<vec4<f32>, 3>,
+    weights: array<vec4<f32>, 768>,
+}
+
+const NO_PLANE = 0xffffffffu;
+// Cosine of 0.6 mrad.
+const SAME_NORMAL = 0.9999998;
+
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> soft: SoftTerms;
 @group(0) @binding(2) var<uniform> blockers: BlockerTerms;
+@group(0) @binding(3) var<uniform> planes: PlaneTerms;
 
 struct Seen {
     @builtin(position) clip: vec4<f32>,
@@ -48,7 +62,12 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
     var out = vec3<f32>(0.0);
     let normal = receiver_normal(seen, front);
     if seen.receives > 0.5 {
-        out = taken(seen.point_world, normal);
+        let first = plane_of(normal);
+        if first == NO_PLANE {
+            out = taken(seen.point_world, normal);
+        } else {
+            out = taken_on_plane(first, seen.point_world, normal);
+        }
     }
     return picture(seen, out);
 }
@@ -59,8 +78,15 @@ fn ladder(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u
     var out = vec3<f32>(0.0);
     let normal = receiver_normal(seen, front);
     if seen.receives > 0.5 {
-        let blocked = blocker_blocked(seen.point_world, normal, NO_BODY);
-        out = radiated(blocked, array<f32, 20>(), normal);
+        var blocked = blocker_blocked(seen.point_world, normal, NO_BODY);
+        let first = plane_of(normal);
+        if first == NO_PLANE {
+            out = radiated(blocked, array<f32, 20>(), normal);
+        } else {
+            for (var i = 0u; i < 16u; i += 1u) {
+                out += blocked[i] * planes.weights[first + i].xyz;
+            }
+        }
     }
     return picture(seen, out);
 }
@@ -76,6 +102,26 @@ fn receiver_normal(seen: Seen, front: bool) -> vec3<f32> {
 fn picture(seen: Seen, out: vec3<f32>) -> vec4<u32> {
     let inverse_depth = 1.0 / dot(view.forward.xyz, seen.point_world - view.eye.xyz);
     return vec4<u32>(bitcast<vec3<u32>>(out), bitcast<u32>(inverse_depth));
+}
+
+// Where the weights of a receiver's plane begin, or NO_PLANE.
+fn plane_of(normal: vec3<f32>) -> u32 {
+    for (var p = 0u; p < planes.counts.x; p += 1u) {
+        if dot(planes.normals[p].xyz, normal) > SAME_NORMAL {
+            return 256u * p;
+        }
+    }
+    return NO_PLANE;
+}
+
+// The rung `directions` on a plane: no harmonics.
+fn taken_on_plane(first: u32, point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var j = 0u; j < soft.counts.z; j += 1u) {
+        let blocked = 1.0 - open(soft.directions[j].xyz, point_world, normal);
+        sum += blocked * planes.weights[first + j].xyz;
+    }
+    return sum;
 }
 
 // Share of direction w that is open.

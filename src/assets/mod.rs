@@ -12,4 +12,5 @@ pub mod response;
 pub mod scene;
 pub mod shapes;
 pub mod spheres;
+pub mod transfer;
 pub mod walker;

@@ -3,6 +3,7 @@
 pub mod check;
 pub mod common;
 pub mod devices;
+pub mod figures;
 pub mod hdr;
 pub mod light;
 pub mod quality_flags;
@@ -34,6 +35,8 @@ pub enum Verb {
     Replay(replay::Arguments),
     /// Draw one still of a scene file or of a reference case.
     Render(render::Arguments),
+    /// Show how pictures come about, part by part.
+    Figures(figures::Arguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
     Light(light::Arguments),
     /// Merge exposures into one HDR picture.
@@ -58,6 +61,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
     match arguments.verb {
         Verb::Replay(a) => replay::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Figures(a) => figures::run(a, common),
         Verb::Light(a) => light::run(a, common),
         Verb::Hdr(a) => hdr::run(a, common),
         Verb::Tags(a) => tags::run(a, common),

@@ -15,6 +15,10 @@ pub struct QualityFlags {
     /// (none) [default: compact].
     #[arg(long, value_name = "KIND")]
     pub split: Option<String>,
+    /// Damp the soft half of the light until it shines negatively on no surface, and no more; `render` says what that
+    /// costs.
+    #[arg(long)]
+    pub dering: bool,
     /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions
     /// [default: directions].
     #[arg(long, value_name = "RUNG")]
@@ -44,6 +48,7 @@ impl QualityFlags {
         let given = [
             ("--sh-order", "light.order", whole(self.sh_order)),
             ("--split", "light.split", word(&self.split)),
+            ("--dering", "light.dering", self.dering.then_some(Value::Boolean(true))),
             ("--rung", "quality.rung", word(&self.rung)),
             ("--directions", "quality.directions", whole(self.directions)),
             ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
@@ -74,6 +79,7 @@ mod tests {
         let flags = QualityFlags {
             sh_order: Some(6),
             split: Some("paper".into()),
+            dering: true,
             rung: Some("hybrid".into()),
             directions: Some(256),
             soft_step_px: Some(2),
@@ -87,6 +93,7 @@ mod tests {
         let quality = settings.quality;
         assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
+        assert!(quality.dering && !before.dering);
         assert!(quality.split != before.split && quality.rung != before.rung);
     }
 

@@ -18,6 +18,8 @@ pub struct MaterialTerms {
     /// For each band l: sqrt(4 pi / (2 l + 1)) z_l of the lobe (Eq. 3 of [Now11]), so that the lobe around
     /// r reflects sum L_lm lobe_l y_lm(r). Energy-safe Phong norm (s+1)/(2 pi); 1 for a mirror.
     pub lobe: [f32; MAX_ORDER],
+    /// The body that it belongs to, as in `BlockerSphere::body`.
+    pub body: u32,
 }
 
 /// Stands for a perfect mirror.
@@ -29,7 +31,7 @@ impl MaterialTerms {
         let none = [0.0; MAX_ORDER];
         match *material {
             Material::Lambert { albedo_rgb } => {
-                Self { albedo_rgb, specular_rgb: [0.0; 3], exponent: 0.0, lobe: none }
+                Self { albedo_rgb, specular_rgb: [0.0; 3], exponent: 0.0, lobe: none, body: 0 }
             }
             Material::Phong { albedo_rgb, specular_rgb, exponent } => {
                 let exponent = if exponent.is_finite() { exponent.max(0.0) } else { 0.0 };
@@ -38,13 +40,14 @@ impl MaterialTerms {
                 for (l, z) in lobe.iter_mut().enumerate() {
                     *z *= (4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt();
                 }
-                Self { albedo_rgb, specular_rgb, exponent, lobe: lobe.map(|z| z as f32) }
+                Self { albedo_rgb, specular_rgb, exponent, lobe: lobe.map(|z| z as f32), body: 0 }
             }
             Material::Mirror { reflectance_rgb } => Self {
                 albedo_rgb: [0.0; 3],
                 specular_rgb: reflectance_rgb,
                 exponent: MIRROR_EXPONENT,
                 lobe: [1.0; MAX_ORDER],
+                body: 0,
             },
         }
     }
@@ -67,6 +70,8 @@ pub struct ObjectGeometry {
     pub material_of_triangle: Vec<u32>,
     /// One an object.
     pub materials: Vec<MaterialTerms>,
+    /// For each object what it reflects of white light in the mean over its vertices, at most 1.
+    pub mean_rgb: Vec<[f32; 3]>,
     /// For each object its vertices and its triangles, as ranges of the lists above.
     pub ranges: Vec<(Range<usize>, Range<usize>)>,
 }
@@ -83,8 +88,9 @@ impl ObjectGeometry {
         self.facet_normals.clear();
         self.material_of_triangle.clear();
         self.materials.clear();
+        self.mean_rgb.clear();
         self.ranges.clear();
-        for object in &scene.objects {
+        for (index, object) in scene.objects.iter().enumerate() {
             let base = self.positions.len() as u32;
             let mesh = &object.mesh;
             let to_world = object.world_from_object;
@@ -105,7 +111,12 @@ impl ObjectGeometry {
                 self.tint_openness.push([tint[0], tint[1], tint[2], openness]);
             }
             let material = self.materials.len() as u32;
-            self.materials.push(MaterialTerms::of(&object.material));
+            // A body's number is the index of its figure's first object (as in `animate::posed`).
+            let figure = scene.figures.iter().find(|f| f.parts.iter().any(|part| part.object == index));
+            let body = figure.and_then(|f| f.parts.first()).map_or(index, |part| part.object) as u32;
+            let terms = MaterialTerms { body, ..MaterialTerms::of(&object.material) };
+            self.mean_rgb.push(mean_rgb(&terms, &self.tint_openness[base as usize..]));
+            self.materials.push(terms);
             let first = self.triangles.len();
             push_triangles(
                 mesh,
@@ -168,6 +179,8 @@ pub struct SurfaceGeometry {
     pub facet_normals: Vec<Vec3>,
     /// Whether virtual shadows fall on the triangle.
     pub receives: Vec<bool>,
+    /// The triangle's albedo, where it is known.
+    pub albedo_rgb: Vec<Option<[f32; 3]>>,
 }
 
 impl SurfaceGeometry {
@@ -178,6 +191,7 @@ impl SurfaceGeometry {
         self.triangles.clear();
         self.facet_normals.clear();
         self.receives.clear();
+        self.albedo_rgb.clear();
         for surface in surfaces {
             let base = self.positions.len() as u32;
             let mesh = &surface.mesh;
@@ -189,9 +203,19 @@ impl SurfaceGeometry {
             let first = self.triangles.len();
             push_triangles(mesh, base, false, &self.positions, &mut self.triangles, &mut self.facet_normals);
             self.receives.resize(self.triangles.len(), surface.receives_shadow);
+            self.albedo_rgb.resize(self.triangles.len(), surface.albedo_rgb);
             fill_normals(&self.triangles[first..], &self.facet_normals[first..], &mut self.normals);
         }
     }
+}
+
+/// What a material reflects of white light in the mean over vertices with these tints.
+fn mean_rgb(terms: &MaterialTerms, tints: &[[f32; 4]]) -> [f32; 3] {
+    let count = tints.len().max(1) as f32;
+    std::array::from_fn(|c| {
+        let tint = tints.iter().map(|t| t[c]).sum::<f32>() / count;
+        (terms.albedo_rgb[c] * tint + terms.specular_rgb[c]).clamp(0.0, 1.0)
+    })
 }
 
 /// Appends the sound triangles of a mesh, and their facet normals.

@@ -3,6 +3,7 @@
 pub mod composite;
 pub mod geometry;
 pub mod raster;
+pub mod reflected;
 pub mod shade_object;
 pub mod shade_surface;
 pub mod soft_shadow;

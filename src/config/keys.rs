@@ -1,7 +1,7 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
-use crate::model::{blocker::Rung, quality::SplitKind};
+use crate::model::{blocker::Rung, picture::PictureView, quality::SplitKind};
 use toml::Value;
 
 /// What a key may hold.
@@ -261,6 +261,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.split = SplitKind::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
+        "light.dering",
+        "",
+        Range::Switch,
+        "Damp the soft half of the light, each colour for itself, until it shines negatively on no surface, and no more. Its flux stays; what the damping takes of its contrast is a tenth for a point light, nothing for most skies.",
+        |s| Value::Boolean(s.quality.dering),
+        |s, v| s.quality.dering = v.as_bool().unwrap_or(false)
+    ),
+    key!(
         "light.gray",
         "",
         Range::Choice(&["rec601", "rec709"]),
@@ -374,6 +382,14 @@ pub const KEYS: &[Key] = &[
         "Exposure of the shown picture; 0 = the one of the cycle that exposes the place best.",
         |s| Value::Float(s.shown_exposure_s),
         |s, v| s.shown_exposure_s = number(v)
+    ),
+    key!(
+        "present.view",
+        "",
+        Range::Choice(&PictureView::NAMES),
+        "What is shown. final: the picture. light: the light, as measured and in its halves; direct, global: objects and gray surfaces in one half of it; cast: what objects leave of the light on surfaces; self: what they hide from themselves; lambert, phong, mirror: every object of one material; blockers: the spheres that stand for objects; maps: the shadow maps.",
+        |s| word(s.view.name()),
+        |s, v| s.view = PictureView::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
         "output.pictures",

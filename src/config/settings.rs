@@ -1,6 +1,6 @@
 //! Settings as meant.
 
-use crate::model::quality::Quality;
+use crate::model::{picture::PictureView, quality::Quality};
 
 /// All settings of the daemon. Built by `resolve`; every field lies within the range that `keys` states.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,11 +39,13 @@ pub struct Settings {
     pub ball_on_surface: bool,
     /// `present.exposure_s`; 0 = the best exposed one of the cycle.
     pub shown_exposure_s: f64,
+    /// `present.view`
+    pub view: PictureView,
     /// `scene.file`; empty = no virtual objects.
     pub scene_file: String,
     /// `output.pictures`; empty = none.
     pub pictures_folder: String,
-    /// The keys of `quality.*`, `light.order` and `light.split`.
+    /// The keys of `quality.*`, `light.order`, `light.split` and `light.dering`.
     pub quality: Quality,
 }
 
@@ -105,6 +107,7 @@ impl Default for Settings {
             filter_tau_s: 0.2,
             ball_on_surface: true,
             shown_exposure_s: 0.0,
+            view: PictureView::Final,
             scene_file: String::new(),
             pictures_folder: String::new(),
             quality: Quality::default(),

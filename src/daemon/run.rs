@@ -55,6 +55,7 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
             .unwrap_or(Exposure { time_s: 1.0 / 60.0, gain: 1.0 }),
         exposures_in_cycle: cycle.len(),
         shown_exposure,
+        view: settings.view,
         decimate: settings.decimate as f32,
         quad_sigma_px: settings.quad_sigma_px as f32,
     };

@@ -1,22 +1,24 @@
 //! The CPU twins in order: the readable description of one frame.
 
+mod check;
 mod fragments;
 
+pub(super) use check::{check, check_light};
 pub(super) use fragments::coarse_lens;
 
 use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
 use crate::animate::posed::Posed;
 use crate::compose::{
     composite,
-    geometry::{ObjectGeometry, SurfaceGeometry},
+    geometry::{MIRROR_EXPONENT, ObjectGeometry, SurfaceGeometry},
     raster::{self, Fragment, Projected, Rays, Sample, View},
-    shade_object::{self, LightTerms},
+    reflected::Reflected,
+    shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
     soft_shadow::{self, Planes, Transfer},
     tonemap::ToneTable,
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
-use crate::math::sh::MAX_ORDER;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
     light::RadianceSamples,
@@ -53,9 +55,10 @@ pub(super) struct Work {
     seen_surfaces: Projected,
     samples: Vec<Sample>,
     pub(super) shadows: ShadowMaps,
+    pub(super) reflected: Reflected,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
-    planes: Planes,
+    pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
@@ -166,70 +169,12 @@ fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T)
     result
 }
 
-/// Whether light can be read from a job.
-pub(super) fn check_light(job: &LightJob<'_>, quality: &Quality) -> Result<(), EngineError> {
-    if !(1..=MAX_ORDER).contains(&quality.sh_order) {
-        return Err(EngineError::Input(format!(
-            "quality.sh_order = {}: must be within 1..={MAX_ORDER}",
-            quality.sh_order
-        )));
-    }
-    match job {
-        LightJob::Map(map) if !maps::fits(map) => Err(EngineError::Input(format!(
-            "environment picture of {} x {} texels does not fit its layout, {:?}",
-            map.radiance.width(),
-            map.radiance.height(),
-            map.layout
-        ))),
-        _ => Ok(()),
-    }
-}
-
-/// Whether the parts of a frame fit together.
-pub(super) fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
-    let refuse = |what: String| Err(EngineError::Input(what));
-    let (lens, background) = (input.lens, &input.background.radiance);
-    if (lens.width as usize, lens.height as usize) != (background.width(), background.height()) {
-        return refuse(format!(
-            "relight: the lens is for {} x {} pixels, the picture has {} x {}",
-            lens.width,
-            lens.height,
-            background.width(),
-            background.height()
-        ));
-    }
-    let pose = input.world_from_camera;
-    if !(pose.translation.is_finite() && pose.rotation.is_finite()) {
-        return refuse(format!("relight: the camera's pose is not finite: {pose:?}"));
-    }
-    let exposure_s = input.shown_exposure.effective_s();
-    if !(exposure_s.is_finite() && exposure_s > 0.0) {
-        return refuse(format!("relight: shown exposure = {exposure_s} s: must be above 0"));
-    }
-    let quality = &plan.quality;
-    if !(64..=4096).contains(&quality.shadow_map_texels) {
-        return refuse(format!(
-            "quality.shadow_map_texels = {}: must be within 64..=4096",
-            quality.shadow_map_texels
-        ));
-    }
-    if !(1..=8).contains(&quality.pcf_taps) {
-        return refuse(format!("quality.pcf_taps = {}: must be within 1..=8", quality.pcf_taps));
-    }
-    if ![1, 2, 4].contains(&quality.soft_step_px) {
-        return refuse(format!("quality.soft_step_px = {}: must be 1, 2 or 4", quality.soft_step_px));
-    }
-    if ![1, 4].contains(&quality.coverage_samples) {
-        return refuse(format!("quality.coverage_samples = {}: must be 1 or 4", quality.coverage_samples));
-    }
-    Ok(())
-}
-
 impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
         self.planes.find(&self.surfaces);
+        self.reflected.load(&self.surfaces);
     }
 
     /// Moves what has moved. Whether anything had.
@@ -354,6 +299,12 @@ impl Work {
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 
+    /// Takes over what mirrors see of a frame.
+    pub(super) fn prepare_reflected(&mut self, input: &RelightInput<'_>) {
+        let spheres = input.posed.map_or(&[][..], Posed::spheres);
+        self.reflected.prepare(spheres, &self.objects);
+    }
+
     pub(super) fn shade_object(
         &mut self,
         input: &RelightInput<'_>,
@@ -362,16 +313,21 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
+        self.prepare_reflected(input);
         let (objects, shadows) = (&self.objects, &self.shadows);
+        let surroundings =
+            Surroundings::new(input.environment, &self.reflected, quality.phong_norm, light.order);
         self.seen_objects.prepare(&self.rays, view, &objects.positions, &objects.triangles);
         let shade = |fragment: &Fragment| {
             let (point, facet) = object_point(objects, fragment);
             let material = objects.material_of_triangle[fragment.triangle];
-            shade_object::shade(light, &objects.materials[material as usize], &point, |k| {
+            let terms = &objects.materials[material as usize];
+            let is_mirror = terms.exponent == MIRROR_EXPONENT;
+            shade_object::shade(light, &surroundings, terms, &point, |k, at, cosine| {
                 // The bias follows the facet, which may lean further from the light than the interpolated normal.
                 let to_light = Vec3::from(light.hard()[k].to_light_world);
-                let cosine = point.normal.dot(to_light).min(facet.dot(to_light));
-                shadows.visibility(k, quality.pcf_taps, fragment.point_world, cosine)
+                let cosine = if is_mirror { cosine } else { cosine.min(facet.dot(to_light)) };
+                shadows.visibility(k, quality.pcf_taps, at, cosine)
             })
         };
         raster::draw_objects(

@@ -6,6 +6,7 @@ pub mod gpu;
 use crate::animate::posed::Posed;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
+    environment::EnvironmentPicture,
     estimate::LightFlags,
     frame::Exposure,
     image::{HdrImage, Rgb8Image},
@@ -84,6 +85,8 @@ pub struct RelightInput<'a> {
     pub world_from_camera: &'a Pose,
     /// The light.
     pub light: &'a Lights,
+    /// What mirrors and sharp gloss see; `None`: SH stands in.
+    pub environment: Option<&'a EnvironmentPicture>,
     /// Where the scene's objects are now, and the spheres that stand for them; `None`: as loaded, and no spheres.
     pub posed: Option<&'a Posed>,
     /// Response for the way back to 8 bits.

@@ -197,6 +197,7 @@ mod tests {
             shadow_maps: 1,
             net_flux,
             above_horizon: false,
+            dering: false,
         }
     }
 

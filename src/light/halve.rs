@@ -1,6 +1,7 @@
 //! Measured light to the light that is shaded with: by any of the splits, over time.
 
 use super::compact::CompactSplit;
+use super::dering::dering;
 use super::split::{SplitOptions, split};
 use crate::model::{
     light::{Lights, RadianceSamples, RadianceSh},
@@ -18,6 +19,8 @@ pub struct HalveOptions {
     pub net_flux: SplitOptions,
     /// Whether compact lights are looked for at z > 0 only: where everything stands on a surface.
     pub above_horizon: bool,
+    /// Whether the soft half is damped where it would shine negatively on a surface.
+    pub dering: bool,
 }
 
 /// Halves light, and follows compact lights over time.
@@ -43,24 +46,53 @@ impl Halver {
         }
     }
 
-    /// Halves `total`, the light in SH, filtered as the pictures were. Both halves together are `total`. The compact
-    /// split of light of which no picture was seen is the bounded one.
+    /// Halves `total`, the light in SH, filtered as the pictures were. Both halves together are `total`, but for what
+    /// de-ringing takes of the soft half's contrast (never of its flux, band 0). The compact split of light of which no
+    /// picture was seen is the bounded one.
     pub fn halve(&mut self, total: &RadianceSh) -> Lights {
         let by_net_flux = |bounded| split(total, &SplitOptions { bounded, ..self.options.net_flux }).into();
-        match self.options.kind {
+        let mut lights: Lights = match self.options.kind {
             SplitKind::Compact if self.has_picture => self.compact.lights(total, self.options.shadow_maps),
             SplitKind::Compact | SplitKind::Bounded => by_net_flux(true),
             SplitKind::Paper => by_net_flux(false),
             SplitKind::Sh => Lights::soft(*total),
+        };
+        if self.options.dering {
+            dering(&mut lights.global);
         }
+        lights
+    }
+}
+
+impl Halver {
+    /// The picture of the environment without what the hard lights of the last call of `halve` stand for, as weighted
+    /// directions; `false` (and nothing is written) where these do not stand for parts of a picture.
+    pub fn left_over(&self, out: &mut RadianceSamples) -> bool {
+        let by_picture = self.options.kind == SplitKind::Compact && self.has_picture;
+        if by_picture {
+            self.compact.left_over(out);
+        }
+        by_picture
     }
 }
 
 /// Halves the light of one picture.
 pub fn halve_still(samples: &RadianceSamples, total: &RadianceSh, options: HalveOptions) -> Lights {
+    halve_still_with_rest(samples, total, options).0
+}
+
+/// As [`halve_still`], with what [`Halver::left_over`] gives, where it gives anything.
+pub fn halve_still_with_rest(
+    samples: &RadianceSamples,
+    total: &RadianceSh,
+    options: HalveOptions,
+) -> (Lights, Option<RadianceSamples>) {
     let mut halver = Halver::new(options);
     halver.see(samples, 1.0, 0.0);
-    halver.halve(total)
+    let lights = halver.halve(total);
+    let mut left = RadianceSamples::default();
+    let has_rest = halver.left_over(&mut left);
+    (lights, has_rest.then_some(left))
 }
 
 #[cfg(test)]
@@ -86,7 +118,13 @@ mod tests {
     }
 
     fn options(kind: SplitKind) -> HalveOptions {
-        HalveOptions { kind, shadow_maps: 4, net_flux: SplitOptions::default(), above_horizon: false }
+        HalveOptions {
+            kind,
+            shadow_maps: 4,
+            net_flux: SplitOptions::default(),
+            above_horizon: false,
+            dering: false,
+        }
     }
 
     #[test]
@@ -110,6 +148,27 @@ mod tests {
                 let off = Vec3::from(h.to_light_world).angle_between(to_light).to_degrees();
                 assert!(off < 3.0, "{kind:?}: {off} degrees: {h:?}");
             }
+        }
+    }
+
+    #[test]
+    fn only_the_contrast_of_the_soft_half_is_damped() {
+        let samples = lamp(Vec3::new(0.3, -0.5, 0.8).normalize());
+        let total = project_sh(&samples, 4);
+        // What a compact split leaves is smooth: nothing rings, nothing changes.
+        let compact = options(SplitKind::Compact);
+        let damped = halve_still(&samples, &total, HalveOptions { dering: true, ..compact });
+        assert_eq!(damped, halve_still(&samples, &total, compact));
+        // The lamp alone, all of it in SH, rings.
+        let mut alone = samples;
+        alone.radiance.iter_mut().filter(|r| r[0] < 1.0).for_each(|r| *r = [0.0; 4]);
+        let total = project_sh(&alone, 4);
+        let damped = halve_still(&alone, &total, HalveOptions { dering: true, ..options(SplitKind::Sh) });
+        assert_eq!(damped.global.rgb[0], total.rgb[0]);
+        for i in 1..4 {
+            let kept = damped.global.rgb[i][0] / total.rgb[i][0];
+            // 0.863 for a point.
+            assert!((0.86..0.87).contains(&kept), "{kept}");
         }
     }
 

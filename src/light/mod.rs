@@ -10,6 +10,7 @@ pub mod foreign;
 pub mod halve;
 pub mod maps;
 pub mod place_ball;
+pub mod prefilter;
 pub mod project_sh;
 pub mod split;
 pub mod surface;

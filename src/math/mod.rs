@@ -5,6 +5,7 @@ pub mod charts;
 pub mod color;
 pub mod edit_distance;
 pub mod lens;
+pub mod octahedral;
 pub mod pose;
 pub mod quadrature;
 pub mod sh;

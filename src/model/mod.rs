@@ -2,6 +2,7 @@
 
 pub mod animation;
 pub mod blocker;
+pub mod environment;
 pub mod estimate;
 pub mod frame;
 pub mod image;
@@ -13,3 +14,4 @@ pub mod response;
 pub mod rig;
 pub mod scene;
 pub mod time;
+pub mod transfer;

@@ -1,6 +1,7 @@
 //! All settings that trade accuracy for time, in one value that travels with the frame.
 
 use super::blocker::Rung;
+use crate::math::sh::zonal::PhongNorm;
 
 /// What becomes of the light: how much of it is hard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +37,34 @@ impl SplitKind {
     }
 }
 
+/// How an object's own shadow under soft light is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SelfShadow {
+    /// The soft light times the share of the hemisphere that each vertex leaves open.
+    #[default]
+    Openness,
+    /// By precomputed transfer, where the object never moves; else by its openness.
+    Transfer,
+}
+
+impl SelfShadow {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["openness", "transfer"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Openness => "openness",
+            Self::Transfer => "transfer",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Openness, Self::Transfer].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
@@ -47,10 +76,16 @@ pub struct Quality {
     pub directions: usize,
     /// Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row: 1, 2 or 4.
     pub soft_step_px: u32,
+    /// The soft half is damped until it shines negatively on no surface, and no more.
+    pub dering: bool,
     /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
     pub shadow_maps: usize,
     /// SH order of the light, 2 to 6.
     pub sh_order: usize,
+    /// How an object's own shadow under soft light is found.
+    pub self_shadow: SelfShadow,
+    /// How Phong lobes are scaled.
+    pub phong_norm: PhongNorm,
     /// Shadow map texels a side, 64 to 4096.
     pub shadow_map_texels: u32,
     /// Taps a side of the percentage-closer filter, 1 to 8.
@@ -70,8 +105,11 @@ impl Default for Quality {
             rung: Rung::Directions,
             directions: 128,
             soft_step_px: 4,
+            dering: false,
             shadow_maps: 8,
             sh_order: 4,
+            self_shadow: SelfShadow::Openness,
+            phong_norm: PhongNorm::EnergySafe,
             shadow_map_texels: 1024,
             pcf_taps: 4,
             coverage_samples: 4,

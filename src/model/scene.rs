@@ -64,6 +64,9 @@ pub struct RealSurface {
     pub mesh: Mesh,
     /// Whether virtual shadows fall on it (else it only hides).
     pub receives_shadow: bool,
+    /// Lambert's albedo where it is known, linear RGB: what virtual mirrors show of it. `None`: they show the picture of
+    /// the environment there.
+    pub albedo_rgb: Option<[f32; 3]>,
 }
 
 /// Everything to draw, and what it stands on.

@@ -43,6 +43,7 @@ impl Lighting {
                 ..SplitOptions::default()
             },
             above_horizon: options.ball_on_surface,
+            dering: options.quality.dering,
         };
         Self {
             sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),

@@ -4,16 +4,21 @@
 pub mod event;
 pub mod feed;
 pub mod frame;
+pub mod gray_place;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;
 pub mod tracking;
+pub mod views;
 
 use crate::device::{Clock, DeviceError};
 use crate::engine::{Engine, EngineError};
+use crate::math::lens::Lens;
 use crate::model::{
     frame::{Exposure, RawFrame},
-    picture::Picture,
+    image::HdrImage,
+    light::RadianceSamples,
+    picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
     rig::Rig,
@@ -64,10 +69,29 @@ pub struct Options {
     pub exposures_in_cycle: usize,
     /// Exposure of the shown picture; `None`: the one of the cycle that exposes the place best.
     pub shown_exposure: Option<Exposure>,
+    /// What is shown of a frame.
+    pub view: PictureView,
     /// Tags are searched in a picture reduced by this.
     pub decimate: f32,
     /// Blur before tags are searched, pixels.
     pub quad_sigma_px: f32,
+}
+
+/// What the last picture was drawn from, besides its pose and its light.
+#[derive(Clone, Copy)]
+pub struct DrawnFrom<'a> {
+    /// Objects and surfaces.
+    pub scene: &'a Scene,
+    /// The camera's picture, linear.
+    pub background: &'a HdrImage,
+    /// Its lens.
+    pub lens: &'a Lens,
+    /// The way back to 8 bits.
+    pub response: &'a Response,
+    /// Exposure of the shown picture.
+    pub shown_exposure: Exposure,
+    /// The light as it was measured last, world frame.
+    pub samples: &'a RadianceSamples,
 }
 
 /// One camera's way from frame to picture.
@@ -180,6 +204,18 @@ impl Pipeline {
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         self.presenting.picture()
+    }
+
+    /// What the last picture was drawn from.
+    pub fn drawn_from(&self) -> DrawnFrom<'_> {
+        DrawnFrom {
+            scene: self.presenting.scene(),
+            background: self.lighting.picture(),
+            lens: &self.rig.lens,
+            response: &self.response,
+            shown_exposure: self.presenting.shown_exposure(),
+            samples: self.engine.measured_samples(),
+        }
     }
 
     /// Times of all passes so far, taken away.

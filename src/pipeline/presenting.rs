@@ -1,6 +1,9 @@
 //! From estimates to the shown picture: plan, then draw.
 
-use super::Options;
+use super::{
+    Options,
+    views::{Subject, Views},
+};
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
 use crate::math::{lens::Lens, pose::Pose};
@@ -8,7 +11,7 @@ use crate::model::{
     frame::{Exposure, RawFrame},
     image::HdrImage,
     light::{Lights, RadianceSh},
-    picture::Picture,
+    picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
     scene::Scene,
@@ -30,6 +33,8 @@ pub struct Presenting {
     picture: Picture,
     quality: Quality,
     shown_exposure: ShownExposure,
+    view: PictureView,
+    views: Views,
 }
 
 impl Presenting {
@@ -44,6 +49,8 @@ impl Presenting {
             picture: Picture::default(),
             quality: options.quality,
             shown_exposure: ShownExposure::new(options),
+            view: options.view,
+            views: Views::default(),
         }
     }
 
@@ -66,19 +73,20 @@ impl Presenting {
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
-        let occasion = Occasion { camera: Some((lens, world_from_camera)), ..Occasion::SHOW };
-        effects::plan(&occasion, &self.scene, light, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,
             lens,
             world_from_camera,
             light,
+            environment: None,
             posed: Some(&self.posed),
             response,
             shown_exposure: self.shown_exposure.chosen,
             t,
         };
-        engine.relight(&self.plan, &input, &mut self.picture).map_err(|error| {
+        let subject = Subject { scene: &self.scene, input: &input, quality: &self.quality, samples: None };
+        let drawn = self.views.draw(self.view, engine, &subject, &mut self.plan, &mut self.picture);
+        drawn.map_err(|error| {
             tracing::warn!("shown without virtual objects: {error}");
             "the engine could not draw"
         })
@@ -100,6 +108,7 @@ impl Presenting {
             lens,
             world_from_camera: &Pose::IDENTITY,
             light: &dark,
+            environment: None,
             posed: None,
             response,
             shown_exposure: self.shown_exposure.chosen,
@@ -111,6 +120,16 @@ impl Presenting {
             self.picture.display.reshape(frame.pixels.width(), frame.pixels.height(), [0; 3]);
             self.picture.display.pixels_mut().copy_from_slice(frame.pixels.pixels());
         }
+    }
+
+    /// What is drawn.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Exposure of the shown pictures.
+    pub fn shown_exposure(&self) -> Exposure {
+        self.shown_exposure.chosen
     }
 
     /// The last picture.

@@ -231,7 +231,12 @@ mod tests {
             world_from_object: Affine3A::IDENTITY,
             openness: vec![1.0; 3],
         };
-        let surface = |receives_shadow| RealSurface { name: "s".into(), mesh: mesh(), receives_shadow };
+        let surface = |receives_shadow| RealSurface {
+            name: "s".into(),
+            mesh: mesh(),
+            receives_shadow,
+            albedo_rgb: None,
+        };
         Scene {
             objects: vec![object; objects],
             surfaces: receives.map(surface).into_iter().collect(),

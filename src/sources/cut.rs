@@ -61,6 +61,11 @@ pub struct Cutter {
 }
 
 impl Cutter {
+    /// What the last cut gave.
+    pub fn representatives(&self) -> &[Representative] {
+        &self.made
+    }
+
     /// Cuts `leaves` (any order) into at most `count` representatives; at least one of each root is made while
     /// `count` lasts, roots of more flux first, and the leaves of roots left out are not represented. Fewer come where
     /// nothing is left to split. Order: by root, then by where they lie in the tree. Leaves without positive,

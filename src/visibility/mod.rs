@@ -4,3 +4,4 @@ pub mod blockers;
 pub mod fit_spheres;
 pub mod openness;
 pub mod shadow_maps;
+pub mod transfer;

@@ -327,7 +327,11 @@ impl Case {
         let surfaces = receivers.map(|geometry| {
             let (mesh, world_from_object, _) = tessellate(&geometry.shape, 4)?;
             let mesh = shapes::transformed(&mesh, &world_from_object);
-            Ok(RealSurface { name: geometry.name.clone(), mesh, receives_shadow: true })
+            let albedo_rgb = match geometry.material {
+                Material::Lambert { albedo_rgb } => Some(albedo_rgb),
+                Material::Phong { .. } | Material::Mirror { .. } => None,
+            };
+            Ok(RealSurface { name: geometry.name.clone(), mesh, receives_shadow: true, albedo_rgb })
         });
         let objects = objects.collect::<Result<_, AssetError>>()?;
         Ok(Scene { objects, surfaces: surfaces.collect::<Result<_, AssetError>>()?, figures })

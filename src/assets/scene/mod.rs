@@ -168,7 +168,12 @@ impl SceneFile {
             let sphere = super::shapes::icosphere(ball.radius_m, BALL_SUBDIVISIONS);
             let place = Affine3A::from_translation(ball.centre_world.as_vec3());
             let mesh = super::shapes::transformed(&sphere, &place);
-            scene.surfaces.push(RealSurface { name: "mirror ball".into(), mesh, receives_shadow: false });
+            scene.surfaces.push(RealSurface {
+                name: "mirror ball".into(),
+                mesh,
+                receives_shadow: false,
+                albedo_rgb: None,
+            });
         }
         scene
     }

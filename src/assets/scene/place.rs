@@ -49,7 +49,12 @@ pub fn surface(
     let (mesh, place) = (mesh?, placed);
     // Real surfaces are measured where they are: position is their origin, not their lowest point.
     let transform = Affine3A::from_rotation_translation(place.rotation, place.position);
-    Some(RealSurface { name, mesh: shapes::transformed(&mesh, &transform), receives_shadow })
+    Some(RealSurface {
+        name,
+        mesh: shapes::transformed(&mesh, &transform),
+        receives_shadow,
+        albedo_rgb: None,
+    })
 }
 
 /// `[[object]]`; a file with several materials gives several objects. They are the parts of one figure, which counts

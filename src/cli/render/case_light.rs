@@ -6,9 +6,15 @@ use crate::assets::{
     pictures,
 };
 use crate::cli::CliError;
-use crate::light::{halve::halve_still, maps, project_sh};
-use crate::math::bvh::Bvh;
+use crate::light::{
+    halve::halve_still_with_rest,
+    maps,
+    prefilter::{Prefilter, Wanted},
+    project_sh,
+};
+use crate::math::{bvh::Bvh, octahedral};
 use crate::model::{
+    environment::EnvironmentPicture,
     light::{EnvironmentMap, HardLight, Lights, MapLayout, RadianceSamples, RadianceSh},
     quality::{Quality, SplitKind},
     scene::{Material, Scene},
@@ -121,16 +127,55 @@ fn patch(centre: DVec3, half_u: DVec3, half_v: DVec3, disc: bool, radiance_rgb: 
     }
 }
 
-/// The light that objects get, ready split (see the verb's own text). Near emitters are taken as seen from the
-/// centre of the objects' vertices.
+/// Texels a side of the picture that mirrors see: about those of the reference's maps.
+const PICTURE_SIDE: usize = 512;
+
+/// What mirrors and sharp gloss see, if the scene has any and a distant picture is all of the light. Where a plane hides
+/// the lower half of the picture it is black there; mirrors see the plane.
+pub fn picture_for_objects(
+    case: &Case,
+    scene: &Scene,
+    sources: &[Source],
+    left: Option<&RadianceSamples>,
+    order: usize,
+) -> Option<EnvironmentPicture> {
+    let wanted = Wanted::by(scene, order);
+    let [Source::Environment(_, map)] = sources else { return None };
+    if !wanted.picture {
+        return None;
+    }
+    let mut picture = EnvironmentPicture::default();
+    let mut work = Prefilter::default();
+    work.look_at_map(map, glam::DMat3::IDENTITY, PICTURE_SIDE, &mut picture);
+    if on_plane(case) {
+        let side = picture.all.side();
+        for (i, texel) in picture.all.texels_mut().iter_mut().enumerate() {
+            let at = octahedral::centre(i % side, i / side, side);
+            if octahedral::direction(at).z < 0.0 {
+                *texel = [0.0; 3];
+            }
+        }
+    }
+    if wanted.glossy {
+        work.levels(left, &mut picture);
+    }
+    Some(picture)
+}
+
+/// Whether a plane z = 0 hides what is below.
+fn on_plane(case: &Case) -> bool {
+    case.geometry.iter().any(|g| g.role == Role::Receiver && matches!(g.shape, Shape::PlaneZ0 { .. }))
+}
+
+/// The light that objects get, ready split (see the verb's own text), and what hard lights leave of the picture.
+/// Near emitters are taken as seen from the centre of the objects' vertices.
 pub fn split_for_objects(
     case: &Case,
     scene: &Scene,
     sources: &[Source],
     quality: &Quality,
-) -> Result<Lights, CliError> {
-    let on_plane =
-        case.geometry.iter().any(|g| g.role == Role::Receiver && matches!(g.shape, Shape::PlaneZ0 { .. }));
+) -> Result<(Lights, Option<RadianceSamples>), CliError> {
+    let on_plane = on_plane(case);
     let centre = centre_of(scene);
     let mut samples = RadianceSamples::default();
     let mut add = |direction: DVec3, weight_sr: f64, radiance: [f64; 3]| {
@@ -195,15 +240,15 @@ pub fn split_for_objects(
     };
     // A constant sky is soft as it is; only light that has a direct part hidden in it is split.
     let mixed = |s: &Source| matches!(s, Source::Environment(..) | Source::Patch { .. });
-    let mut lights = if sources.iter().any(mixed) {
-        halve_still(&samples, &total, halve_options(quality, on_plane))
+    let (mut lights, left) = if sources.iter().any(mixed) {
+        halve_still_with_rest(&samples, &total, halve_options(quality, on_plane))
     } else {
-        Lights::soft(total)
+        (Lights::soft(total), None)
     };
     for light in hard {
         lights.hard.push(light);
     }
-    Ok(lights)
+    Ok((lights, left))
 }
 
 /// Radiance of the plane z = 0 under the samples, nothing in their way: albedo / pi times the irradiance.

@@ -15,6 +15,7 @@ use crate::assets::{case, pictures, scene};
 use crate::config::Settings;
 use crate::engine::Engine;
 use crate::math::lens::Lens;
+use crate::model::picture::PictureView;
 use std::path::{Path, PathBuf};
 
 /// Draw one still of a scene file or of a reference case.
@@ -55,6 +56,9 @@ pub struct Arguments {
     /// Draw so many times more and report the median time of each pass.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub repeat: usize,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW", default_value = PictureView::Final.name(), conflicts_with = "compare")]
+    pub view: String,
     /// Accuracy against time.
     #[command(flatten)]
     pub quality: QualityFlags,
@@ -68,13 +72,14 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         return Err(CliError(format!("--exposure-s = {seconds}: must be above 0 s")));
     }
     let save = arguments.out.as_deref().map(output_format).transpose()?;
+    let view = view_named(&arguments.view)?;
     let mut settings = Settings::default();
     arguments.quality.apply(&mut settings)?;
     let quality = settings.quality;
     let mut engine = common.open_engine()?;
     let mut notes = Vec::new();
     let is_scene = arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (still, case) = if is_scene {
+    let (mut still, case) = if is_scene {
         if arguments.image.is_some() || arguments.width_px.is_some() {
             return Err(CliError(
                 "--image, --width-px: belong to reference cases, not to scene files".into(),
@@ -93,6 +98,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         };
         (still::of_case(&case, &image, &quality)?, Some((case, image)))
     };
+    still.view = view;
     let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
 
     if let (Some(out), Some(format)) = (&arguments.out, save) {
@@ -111,6 +117,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     report(&arguments, common, engine.as_ref(), &drawn, comparison.as_ref(), &notes);
     Ok(())
+}
+
+/// What `--view` names.
+pub(super) fn view_named(name: &str) -> Result<PictureView, CliError> {
+    PictureView::from_name(name)
+        .ok_or_else(|| CliError(format!("--view = {name}: must be one of {}", PictureView::NAMES.join(", "))))
 }
 
 /// A lens for another number of columns.

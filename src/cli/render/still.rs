@@ -9,19 +9,18 @@ use crate::engine::{Engine, RelightInput};
 use crate::light::{halve::HalveOptions, split::SplitOptions};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
+    environment::EnvironmentPicture,
     frame::Exposure,
     image::{HdrImage, RadianceImage, Rgb8Image},
-    light::Lights,
-    picture::Picture,
+    light::{Lights, RadianceSamples},
+    picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
     scene::Scene,
     time::Timestamp,
 };
-use crate::plan::{
-    FramePlan, PassTiming,
-    effects::{self, Occasion},
-};
+use crate::pipeline::views::{Subject, Views};
+use crate::plan::{FramePlan, PassTiming};
 
 /// How a still's light is halved.
 pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
@@ -30,6 +29,7 @@ pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOpti
         shadow_maps: quality.shadow_maps,
         net_flux: SplitOptions::default(),
         above_horizon,
+        dering: quality.dering,
     }
 }
 
@@ -55,6 +55,8 @@ pub struct Still {
     pub world_from_camera: Pose,
     /// The light of the objects.
     pub light: Lights,
+    /// What mirrors and sharp gloss see.
+    pub environment: Option<EnvironmentPicture>,
     /// The place without the objects.
     pub background: HdrImage,
     /// For the 8-bit picture.
@@ -63,6 +65,10 @@ pub struct Still {
     pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
     pub quantity: Quantity,
+    /// Which part of the work is shown.
+    pub view: PictureView,
+    /// The light as it was measured, world frame; empty where it was not.
+    pub samples: RadianceSamples,
 }
 
 /// A still.
@@ -110,7 +116,9 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
     blocker_spheres::fit(&mut scene);
     let emitters = case.emitters(Some(image)).map_err(file)?;
     let sources = case_light::sources(case, &emitters)?;
-    let light = case_light::split_for_objects(case, &scene, &sources, quality)?;
+    let (light, left) = case_light::split_for_objects(case, &scene, &sources, quality)?;
+    let environment =
+        case_light::picture_for_objects(case, &scene, &sources, left.as_ref(), quality.sh_order);
     let background = background::shade(case, &scene, &sources);
     let quantity = if image == "ratio" {
         Quantity::Ratio
@@ -124,10 +132,13 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         lens: case.lens,
         world_from_camera: case.world_from_camera,
         light,
+        environment,
         background,
         response: Response::srgb(),
         exposure_s: None,
         quantity,
+        view: PictureView::Final,
+        samples: RadianceSamples::default(),
     })
 }
 
@@ -145,8 +156,6 @@ impl Still {
         let failed = |e: crate::engine::EngineError| CliError(e.to_string());
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
-        let occasion = Occasion { camera: Some((&self.lens, &self.world_from_camera)), ..Occasion::SHOW };
-        effects::plan(&occasion, &self.scene, &self.light, quality, &mut plan);
         let time_s =
             exposure_s.or(self.exposure_s).unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
         let posed = Posed::new(&self.scene);
@@ -155,18 +164,20 @@ impl Still {
             lens: &self.lens,
             world_from_camera: &self.world_from_camera,
             light: &self.light,
+            environment: self.environment.as_ref(),
             posed: Some(&posed),
             response: &self.response,
             shown_exposure: Exposure { time_s, gain: 1.0 },
             t: Timestamp(0),
         };
-        let mut picture = Picture::default();
-        engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+        let subject = Subject { scene: &self.scene, input: &input, quality, samples: Some(&self.samples) };
+        let (mut views, mut picture) = (Views::default(), Picture::default());
+        views.draw(self.view, engine, &subject, &mut plan, &mut picture).map_err(failed)?;
         let mut timings = Vec::new();
         engine.take_timings(&mut timings);
         let mut runs = vec![Vec::with_capacity(repeat); timings.len()];
         for _ in 0..repeat {
-            engine.relight(&plan, &input, &mut picture).map_err(failed)?;
+            views.draw(self.view, engine, &subject, &mut plan, &mut picture).map_err(failed)?;
             engine.take_timings(&mut timings);
             runs.iter_mut().zip(&timings).for_each(|(run, t)| run.push(t.ms));
         }

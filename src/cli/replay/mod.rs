@@ -44,6 +44,9 @@ pub struct Arguments {
     /// As time passes instead of frame by frame: the newest frame wins.
     #[arg(long)]
     realtime: bool,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW")]
+    view: Option<String>,
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
@@ -111,6 +114,9 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
     settings.mode = if arguments.realtime { RunMode::Realtime } else { RunMode::Lockstep };
     if let Some(frames) = arguments.frames {
         settings.frames = frames;
+    }
+    if let Some(view) = &arguments.view {
+        settings.view = super::render::view_named(view)?;
     }
     if let Some(scene) = &arguments.scene {
         settings.scene_file = scene.display().to_string();

@@ -39,7 +39,14 @@ pub fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoi
     let side = if facet.dot(fragment.to_eye) < 0.0 { -1.0 } else { 1.0 };
     let facet = side * facet;
     let normal = side * normal.normalize_or(side * facet);
-    (ObjectPoint { normal, to_eye: fragment.to_eye, tint_openness }, facet)
+    let point = ObjectPoint {
+        position_world: fragment.point_world,
+        normal,
+        to_eye: fragment.to_eye,
+        tint_openness,
+        transferred_rgb: None,
+    };
+    (point, facet)
 }
 
 /// Shading and facet normal of a real surface at a fragment, on the seen side.

@@ -82,8 +82,14 @@ pub const SOFT_SHADOW: Kernel = Kernel {
         Binding::new("view", BindingKind::Uniform),
         Binding::new("soft", BindingKind::Uniform),
         Binding::new("blockers", BindingKind::Uniform),
+        Binding::new("planes", BindingKind::Uniform),
     ],
-    structs: &[params::View::LAYOUT, params::SoftTerms::LAYOUT, params::BLOCKER_TERMS],
+    structs: &[
+        params::View::LAYOUT,
+        params::SoftTerms::LAYOUT,
+        params::BLOCKER_TERMS,
+        params::PlaneTerms::LAYOUT,
+    ],
 };
 
 /// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
@@ -96,6 +102,7 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         source!("shared/shadow_camera"),
         source!("shared/shadow_lookup"),
         source!("shared/facet"),
+        source!("shared/surroundings"),
         source!("compose/shade_object"),
     ],
     entries: &["vertex", "fragment", "surface_vertex", "surface_fragment"],
@@ -105,6 +112,8 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         Binding::new("cameras", BindingKind::Uniform),
         Binding::new("material", BindingKind::UniformAtOffset),
         Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("surroundings", BindingKind::Uniform),
+        Binding::new("environment", BindingKind::Floats),
     ],
     structs: &[
         params::View::LAYOUT,
@@ -112,6 +121,7 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         params::ShadowCamera::LAYOUT,
         params::ShadowCameras::LAYOUT,
         params::MaterialTerms::LAYOUT,
+        params::Surroundings::LAYOUT,
     ],
 };
 

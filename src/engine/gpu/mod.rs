@@ -10,6 +10,7 @@ mod passes;
 mod recorder;
 mod relight;
 mod scene;
+mod surroundings;
 mod textures;
 mod view;
 

@@ -1,7 +1,14 @@
 //! Structs that the host fills and a shader reads. Each is written once here; `tests/shaders.rs` compares every
 //! member's name, offset and size with what naga reads from the WGSL struct of the same name.
 
-use crate::{model::light::MAX_HARD_LIGHTS, visibility::blockers::BlockerTerms};
+use crate::{
+    compose::reflected::{MOST_SPHERES, MOST_TRIANGLES},
+    model::light::MAX_HARD_LIGHTS,
+    visibility::blockers::BlockerTerms,
+};
+
+/// Normals of flat receivers that `PlaneTerms` holds.
+pub const PLANES: usize = 3;
 
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -187,6 +194,18 @@ shared_struct! {
     }
 }
 
+shared_struct! {
+    /// Flat receivers of `compose/soft_shadow`. Twin: `visibility::blockers::Plane`.
+    PlaneTerms {
+        /// Normals, 0, 0, 0.
+        counts: [u32; 4],
+        /// Unit, world frame.
+        normals: [[f32; 4]; PLANES],
+        /// Of each, what a blocked direction or coefficient takes, r, g, b.
+        weights: [[[f32; 4]; 256]; PLANES],
+    }
+}
+
 macro_rules! members_of {
     ($kind:ident: $($member:ident),*) => {
         &[$(Member {
@@ -225,8 +244,24 @@ shared_struct! {
         specular_exponent: [f32; 4],
         /// Zonal factors of the lobe, bands 0 to 3.
         lobe_low: [f32; 4],
-        /// Bands 4 and 5.
+        /// Bands 4 and 5, the body.
         lobe_high: [f32; 4],
+    }
+}
+
+shared_struct! {
+    /// `shared/surroundings`. Twins: `compose::reflected`, `model::environment`.
+    Surroundings {
+        /// Spheres, triangles, levels, flags.
+        counts: [u32; 4],
+        /// Exponent above which lobes are read from the levels, 1 for the paper's Phong norm.
+        settings: [f32; 4],
+        /// First row and texels a side of the picture and its levels.
+        levels: [[u32; 4]; 12],
+        /// Place, colour and body.
+        spheres: [[[f32; 4]; 2]; MOST_SPHERES],
+        /// Corner, two edges, albedo.
+        triangles: [[[f32; 4]; 4]; MOST_TRIANGLES],
     }
 }
 

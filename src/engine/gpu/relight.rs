@@ -10,7 +10,7 @@ use super::{
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
-        soft_shadow::SoftShadow,
+        soft_shadow::{Soft, SoftShadow},
         tonemap::Tonemap,
     },
     recorder::{Recorder, Timer},
@@ -19,7 +19,10 @@ use super::{
 };
 use crate::{
     animate::posed::Posed,
-    compose::{raster, shade_object::LightTerms},
+    compose::{
+        raster,
+        shade_object::{LightTerms, Surroundings},
+    },
     engine::{EngineError, RelightInput, cpu},
     model::{picture::Picture, scene::Scene},
     plan::{FramePlan, Pass},
@@ -157,8 +160,11 @@ impl Relighter {
                             &mut recorder,
                             &mut self.scene,
                             &coarse_view,
-                            &twins.blockers,
-                            &twins.transfer,
+                            &Soft {
+                                blockers: &twins.blockers,
+                                transfer: &twins.transfer,
+                                planes: &twins.planes,
+                            },
                             picture,
                         )?;
                         exchange.soft_place = Place::Device;
@@ -178,9 +184,14 @@ impl Relighter {
                         cameras: &cameras,
                         shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                     };
+                    twins.prepare_reflected(input);
+                    let order = light.order;
+                    let (picture, norm) = (input.environment, quality.phong_norm);
+                    let surroundings = Surroundings::new(picture, &twins.reflected, norm, order);
                     let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
                     let layer = &mut exchange.object_layer;
-                    kernel.run(&mut recorder, &mut self.scene, &frame, quality.coverage_samples, layer)?;
+                    let samples = quality.coverage_samples;
+                    kernel.run(&mut recorder, &mut self.scene, &frame, &surroundings, samples, layer)?;
                     exchange.object_place = Place::Device;
                 }
                 Pass::ShadeSurface => {

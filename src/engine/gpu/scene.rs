@@ -202,7 +202,7 @@ impl SceneBuffers {
                 albedo_rgb: four(m.albedo_rgb, 0.0),
                 specular_exponent: four(m.specular_rgb, m.exponent),
                 lobe_low: [a, b, c, d],
-                lobe_high: [e, f, 0.0, 0.0],
+                lobe_high: [e, f, m.body as f32, 0.0],
             };
             slot[..size_of::<MaterialTerms>()].copy_from_slice(bytemuck::bytes_of(&terms));
         }

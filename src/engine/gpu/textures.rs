@@ -25,6 +25,12 @@ impl KeptTexture {
         Self { label, format, usage, made: None }
     }
 
+    /// Something that only the host fills (formats that a device may not draw to).
+    pub const fn uploaded(label: &'static str, format: wgpu::TextureFormat) -> Self {
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING.union(wgpu::TextureUsages::COPY_DST);
+        Self { label, format, usage, made: None }
+    }
+
     /// Something to draw to that is forgotten after the pass.
     pub const fn scratch(label: &'static str, format: wgpu::TextureFormat) -> Self {
         Self { label, format, usage: wgpu::TextureUsages::RENDER_ATTACHMENT, made: None }

@@ -100,6 +100,29 @@ impl LightGrid {
     }
 }
 
+impl LightGrid {
+    /// What remains of each texel of which something was seen when light is taken out of it: `taken` says where (unit
+    /// vectors) and how much flux. As weighted directions (texel centres), flags 0; `out` keeps its memory.
+    pub fn left_over(&self, taken: impl Iterator<Item = (Vec3, [f32; 3])>, out: &mut RadianceSamples) {
+        out.directions.clear();
+        out.radiance.clear();
+        for (index, cell) in self.cells.iter().enumerate() {
+            let [r, g, b] = cell.flux_rgb;
+            out.directions.push(centre_of(index, self.side).extend(cell.solid_angle_sr).to_array());
+            out.radiance.push([r, g, b, 0.0]);
+        }
+        for (at, flux_rgb) in taken {
+            if let Some(left) = out.radiance.get_mut(index_of(at, self.side)) {
+                left.iter_mut().zip(flux_rgb).for_each(|(c, taken)| *c -= taken);
+            }
+        }
+        // Flux to radiance. What is a little below 0 by rounding is 0.
+        for (left, d) in out.radiance.iter_mut().zip(&out.directions) {
+            *left = left.map(|c| if d[3] > 0.0 { (c / d[3]).max(0.0) } else { 0.0 });
+        }
+    }
+}
+
 fn index_of(direction: Vec3, side: usize) -> usize {
     let (face, u, v) = sphere::cube_face_uv(direction.as_dvec3());
     let place = |x: f64| (((0.5 * (x + 1.0)) * side as f64) as usize).min(side - 1);

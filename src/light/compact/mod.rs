@@ -68,6 +68,14 @@ impl CompactSplit {
         }
         lights
     }
+
+    /// The picture without what the hard lights of the last call of `lights` stand for: smooth, as weighted directions.
+    pub fn left_over(&self, out: &mut RadianceSamples) {
+        let represented = self.cutter.representatives();
+        let leaves = self.finder.leaves().iter();
+        let taken = leaves.filter(|l| represented.iter().any(|r| r.root == l.root));
+        self.grid.left_over(taken.map(|leaf| (leaf.at, leaf.flux_rgb)), out);
+    }
 }
 
 /// One hard light for the leaves of a representative.

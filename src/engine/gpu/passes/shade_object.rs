@@ -1,6 +1,7 @@
 //! `compose/shade_object` on the device. Twin: `compose::shade_object`, over `compose::raster`.
 
 use crate::{
+    compose::shade_object::Surroundings,
     engine::{
         EngineError,
         gpu::{
@@ -12,6 +13,7 @@ use crate::{
             params::{self, ObjectVertex, SurfaceVertex},
             recorder::{Recorder, Targets, cleared},
             scene::{MATERIAL_STRIDE, SceneBuffers},
+            surroundings::SurroundingsBuffers,
             textures::KeptTexture,
         },
     },
@@ -34,6 +36,7 @@ pub struct ShadeObject {
     view: GrowingBuffer,
     light: GrowingBuffer,
     cameras: GrowingBuffer,
+    surroundings: SurroundingsBuffers,
     group: BoundGroup,
     depth: KeptTexture,
     samples: KeptTexture,
@@ -49,6 +52,7 @@ impl ShadeObject {
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
             cameras: GrowingBuffer::uniform("shadow cameras"),
+            surroundings: SurroundingsBuffers::new(),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("object depth", wgpu::TextureFormat::Depth32Float),
             samples: KeptTexture::scratch("object samples", OBJECT_LAYER_FORMAT),
@@ -61,6 +65,7 @@ impl ShadeObject {
         recorder: &mut Recorder<'_>,
         scene: &mut SceneBuffers,
         frame: &Frame<'_>,
+        surroundings: &Surroundings<'_>,
         coverage_samples: u32,
         layer: &mut KeptTexture,
     ) -> Result<(), EngineError> {
@@ -71,12 +76,15 @@ impl ShadeObject {
             *slot = Some(pipelines(context, &self.built, samples)?);
         }
         let Some(pipelines) = slot else { return Ok(()) };
+        let [seen, environment] = self.surroundings.write(context, surroundings);
         let resources = [
             self.view.write(context, bytemuck::bytes_of(frame.view)),
             self.light.write(context, bytemuck::bytes_of(frame.light)),
             self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
             Resource::Window(scene.materials(context), size_of::<params::MaterialTerms>() as u64),
             frame.shadow_maps.clone(),
+            seen,
+            environment,
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);

@@ -1,0 +1,428 @@
+//! `halflight figures`: how a picture comes about, as [Now11] shows it in its Figures 3, 4 and 5, from a recording.
+
+mod sheet;
+
+use super::{
+    CliError, Common,
+    render::{Quantity, Still},
+};
+use crate::assets::pictures;
+use crate::config::settings::{RunMode, Settings};
+use crate::daemon::run::prepare;
+use crate::device::{Truth, clock::ManualClock};
+use crate::engine::Engine;
+use crate::light::{
+    halve::{HalveOptions, halve_still, halve_still_with_rest},
+    prefilter::Prefilter,
+    split::SplitOptions,
+};
+use crate::model::{
+    blocker::Rung,
+    environment::EnvironmentPicture,
+    estimate::LightEstimate,
+    frame::RawFrame,
+    image::{Image, RadianceImage, Rgb8Image},
+    light::Lights,
+    picture::{Picture, PictureView},
+    quality::{Quality, SplitKind},
+};
+use crate::pipeline::{
+    PipelineError,
+    event::{FrameSink, run as run_events},
+    feed::Lockstep,
+    frame::FrameOutcome,
+};
+use sheet::Sheet;
+use std::path::{Path, PathBuf};
+
+/// Show how pictures come about: the light in its halves, every part of a picture, materials, numbers of shadow maps,
+/// and rungs of the ladder with their errors, each as a sheet of pictures with captions.
+///
+/// Example: halflight figures tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out/figures
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Recording (MCAP), or any device name such as synthetic:frames=30.
+    #[arg(value_name = "REC")]
+    recording: String,
+    /// Scene file with the virtual objects; each gets sheets of its own (repeatable).
+    #[arg(long, value_name = "FILE", required = true)]
+    scene: Vec<PathBuf>,
+    /// Folder for the sheets; it is made where it is missing.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The frame that is shown, counted from 1: long enough for the light to have settled.
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..))]
+    frame: u64,
+}
+
+/// Runs `halflight figures`.
+pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|e| CliError::on(arguments.out.display(), format!("cannot be made: {e}")))?;
+    let mut engine = common.open_engine()?;
+    let mut written = Vec::new();
+    for scene in &arguments.scene {
+        let stem = scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
+        let moment = Moment::of(&arguments, scene, common)?;
+        let mut artist = Artist { engine: engine.as_mut(), crop: Crop::default(), moment: &moment };
+        artist.crop = artist.find_crop()?;
+        let sheets = [
+            ("light", artist.light()?),
+            ("parts", artist.parts()?),
+            ("materials", artist.materials()?),
+            ("maps", artist.maps()?),
+            ("ladder", artist.ladder()?),
+        ];
+        for (name, sheet) in sheets {
+            let file = arguments.out.join(format!("{stem}_{name}.png"));
+            pictures::save_png(&file, &sheet.picture()).map_err(|e| CliError(e.to_string()))?;
+            if !common.json {
+                println!("wrote   {}", file.display());
+            }
+            written.push(file);
+        }
+    }
+    if common.json {
+        println!("{}", serde_json::json!({ "written": written }));
+    }
+    Ok(())
+}
+
+/// One frame of a recording, with all that it is drawn from.
+struct Moment {
+    still: Still,
+    estimate: LightEstimate,
+    above_horizon: bool,
+    quality: Quality,
+}
+
+/// Keeps the newest frame that had objects in it.
+#[derive(Default)]
+struct Newest(Option<FrameOutcome>);
+
+impl FrameSink for Newest {
+    fn accept(
+        &mut self,
+        _: &RawFrame,
+        _: Option<&Truth>,
+        outcome: &FrameOutcome,
+        _: &Picture,
+    ) -> Result<bool, PipelineError> {
+        self.0 = Some(outcome.clone());
+        Ok(true)
+    }
+}
+
+impl Moment {
+    fn of(arguments: &Arguments, scene: &Path, common: &Common) -> Result<Self, CliError> {
+        let mut settings = Settings::default();
+        common.apply(&mut settings);
+        let name = &arguments.recording;
+        settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
+        settings.mode = RunMode::Lockstep;
+        settings.scene_file = scene.display().to_string();
+        let failed = |e: PipelineError| CliError(e.to_string());
+        let mut prepared = prepare(&settings).map_err(failed)?;
+        let (mut clock, mut newest) = (ManualClock::default(), Newest::default());
+        let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
+        run_events(&mut feed, &mut prepared.pipeline, &mut newest, arguments.frame).map_err(failed)?;
+        let (Some(pose), Some(estimate)) =
+            newest.0.map_or((None, None), |outcome| (outcome.pose, outcome.light))
+        else {
+            return Err(CliError(format!(
+                "--frame = {}: pose and light of {name} are not known there; must be a later frame, or a recording \
+                 with a tag and a ball",
+                arguments.frame
+            )));
+        };
+        let from = prepared.pipeline.drawn_from();
+        let still = Still {
+            scene: from.scene.clone(),
+            lens: *from.lens,
+            world_from_camera: pose.world_from_camera,
+            light: estimate.lights,
+            background: from.background.clone(),
+            response: from.response.clone(),
+            exposure_s: Some(from.shown_exposure.effective_s()),
+            quantity: Quantity::Radiance,
+            view: PictureView::Final,
+            samples: from.samples.clone(),
+            environment: None,
+        };
+        // Figures need not hurry.
+        let quality = Quality { soft_step_px: 2, directions: 256, shadow_maps: 16, ..settings.quality };
+        Ok(Self { still, estimate, above_horizon: settings.ball_on_surface, quality })
+    }
+
+    /// The light of the moment, halved for other settings.
+    fn halved(&self, quality: &Quality) -> Lights {
+        halve_still(&self.still.samples, &self.estimate.total, self.halve_options(quality))
+    }
+
+    /// What mirrors and sharp gloss see then.
+    fn environment(&self, quality: &Quality) -> EnvironmentPicture {
+        let samples = &self.still.samples;
+        let (_, left) = halve_still_with_rest(samples, &self.estimate.total, self.halve_options(quality));
+        let (mut work, mut picture) = (Prefilter::default(), EnvironmentPicture::default());
+        work.see(samples, 1.0, &mut picture);
+        work.levels(left.as_ref(), &mut picture);
+        picture
+    }
+
+    fn halve_options(&self, quality: &Quality) -> HalveOptions {
+        HalveOptions {
+            kind: quality.split,
+            shadow_maps: quality.shadow_maps,
+            net_flux: SplitOptions::default(),
+            above_horizon: self.above_horizon,
+            dering: quality.dering,
+        }
+    }
+}
+
+/// The part of the picture that figures show.
+#[derive(Clone, Copy, Debug, Default)]
+struct Crop {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+}
+
+impl Crop {
+    fn of(self, picture: &Rgb8Image) -> Rgb8Image {
+        let mut out = Image::filled(self.width, self.height, [0; 3]);
+        for y in 0..self.height {
+            for x in 0..self.width {
+                *out.at_mut(x, y) = *picture.at(self.left + x, self.top + y);
+            }
+        }
+        out
+    }
+}
+
+/// Draws the figures of one moment.
+struct Artist<'a> {
+    engine: &'a mut dyn Engine,
+    crop: Crop,
+    moment: &'a Moment,
+}
+
+/// Ratios above are not counted in errors of shadows, as spec 4b has it.
+const SHADOW_BELOW: f64 = 0.93;
+
+impl Artist<'_> {
+    /// One picture of the moment by a view, in the given light.
+    fn draw(
+        &mut self,
+        view: PictureView,
+        light: &Lights,
+        quality: &Quality,
+    ) -> Result<super::render::Drawn, CliError> {
+        let environment = self.moment.environment(quality);
+        let still =
+            Still { view, light: *light, environment: Some(environment), ..self.moment.still.clone() };
+        still.draw(self.engine, quality, None, 0)
+    }
+
+    fn view(&mut self, view: PictureView, quality: &Quality) -> Result<Rgb8Image, CliError> {
+        let light = self.moment.halved(quality);
+        Ok(self.crop.of(&self.draw(view, &light, quality)?.display))
+    }
+
+    /// Where objects and their shadows are, with a margin, 4:3 where it fits.
+    fn find_crop(&mut self) -> Result<Crop, CliError> {
+        let quality = self.moment.quality;
+        let light = self.moment.halved(&quality);
+        let drawn = self.draw(PictureView::Final, &light, &quality)?.radiance;
+        let plain = &self.moment.still.background.radiance;
+        let (width, height) = (plain.width(), plain.height());
+        let (mut low, mut high) = ([width, height], [0, 0]);
+        for (i, (a, b)) in drawn.pixels().iter().zip(plain.pixels()).enumerate() {
+            if (0..3).any(|c| (a[c] - b[c]).abs() > 0.04 * b[c]) {
+                let at = [i % width, i / width];
+                low = [low[0].min(at[0]), low[1].min(at[1])];
+                high = [high[0].max(at[0] + 1), high[1].max(at[1] + 1)];
+            }
+        }
+        if low[0] >= high[0] {
+            return Ok(Crop { left: 0, top: 0, width, height });
+        }
+        let wide =
+            ((high[0] - low[0]).max((high[1] - low[1]) * 4 / 3) * 23 / 20).clamp(160.min(width), width);
+        let tall = (wide * 3 / 4).min(height);
+        let place = |low: usize, high: usize, size: usize, all: usize| {
+            ((low + high) / 2).saturating_sub(size / 2).min(all - size)
+        };
+        Ok(Crop {
+            left: place(low[0], high[0], wide, width),
+            top: place(low[1], high[1], tall, height),
+            width: wide,
+            height: tall,
+        })
+    }
+
+    /// The light, whole, by each split.
+    fn light(&mut self) -> Result<Sheet, CliError> {
+        let mut sheet =
+            Sheet::new("light: as measured, all of it in SH / hard half, soft half (blue: negative)", 2);
+        for kind in [SplitKind::Compact, SplitKind::Paper, SplitKind::Bounded, SplitKind::Sh] {
+            let quality = Quality { split: kind, ..self.moment.quality };
+            let light = self.moment.halved(&quality);
+            let picture = self.draw(PictureView::Light, &light, &quality)?.display;
+            sheet.add(
+                format!("split {}: {} hard", kind.name(), light.hard.as_slice().len()),
+                middle(&picture),
+            );
+        }
+        Ok(sheet)
+    }
+
+    /// Every part of the picture.
+    fn parts(&mut self) -> Result<Sheet, CliError> {
+        let quality = self.moment.quality;
+        let mut sheet = Sheet::new("a picture and its parts", 3);
+        for (view, caption) in [
+            (PictureView::Direct, "direct: the hard half"),
+            (PictureView::Global, "global: the soft half"),
+            (PictureView::Final, "final"),
+            (PictureView::Cast, "cast shadows"),
+            (PictureView::SelfShadow, "self shadows"),
+            (PictureView::Blockers, "blocker spheres"),
+        ] {
+            sheet.add(caption, self.view(view, &quality)?);
+        }
+        Ok(sheet)
+    }
+
+    /// Every material.
+    fn materials(&mut self) -> Result<Sheet, CliError> {
+        let quality = self.moment.quality;
+        let mut sheet = Sheet::new("materials", 3);
+        for view in [PictureView::Lambert, PictureView::Phong, PictureView::Mirror] {
+            sheet.add(view.name(), self.view(view, &quality)?);
+        }
+        Ok(sheet)
+    }
+
+    /// One light as more and more hard ones.
+    fn maps(&mut self) -> Result<Sheet, CliError> {
+        let counts = [1, 4, 16, 64];
+        let mut sheet = Sheet::new("shadow maps: picture, cast shadows, maps", counts.len());
+        for view in [PictureView::Final, PictureView::Cast, PictureView::Maps] {
+            for shadow_maps in counts {
+                let quality = Quality { shadow_maps, ..self.moment.quality };
+                let picture = match view {
+                    PictureView::Maps => {
+                        let light = self.moment.halved(&quality);
+                        let whole = self.draw(view, &light, &quality)?.display;
+                        reduced(&middle(&whole), self.crop.width)
+                    }
+                    _ => self.view(view, &quality)?,
+                };
+                let caption =
+                    if view == PictureView::Final { format!("n = {shadow_maps}") } else { String::new() };
+                sheet.add(caption, picture);
+            }
+        }
+        Ok(sheet)
+    }
+
+    /// Soft cast shadows by every rung, against 256 directions; all light is soft here, so that there is much to see.
+    fn ladder(&mut self) -> Result<Sheet, CliError> {
+        let soft = Quality { split: SplitKind::Sh, dering: true, ..self.moment.quality };
+        let exact = Quality { rung: Rung::Directions, directions: 256, ..soft };
+        let light = self.moment.halved(&exact);
+        let truth = self.draw(PictureView::Cast, &light, &exact)?;
+        let mut sheet = Sheet::new(
+            format!("all light soft: cast shadows by rung, rms error of the ratio below {SHADOW_BELOW}"),
+            4,
+        );
+        sheet.add("directions 256", self.crop.of(&truth.display));
+        for rung in Rung::ALL {
+            let quality = Quality { rung, directions: 64, ..exact };
+            let drawn = self.draw(PictureView::Cast, &light, &quality)?;
+            let error = error_in_shadow(&drawn.radiance, &truth.radiance);
+            let name = if rung == Rung::Directions { "directions 64" } else { rung.name() };
+            sheet.add(format!("{name}: {error:.4}"), self.crop.of(&drawn.display));
+        }
+        Ok(sheet)
+    }
+}
+
+/// Root mean square difference of the gray ratios of two pictures of cast shadows, where the second is in shadow.
+fn error_in_shadow(picture: &RadianceImage, truth: &RadianceImage) -> f64 {
+    let white = truth.pixels().iter().flatten().copied().fold(0.0f32, f32::max).max(f32::MIN_POSITIVE);
+    let gray = |c: &[f32; 3]| f64::from((0.3 * c[0] + 0.59 * c[1] + 0.11 * c[2]) / white);
+    let pairs = picture.pixels().iter().zip(truth.pixels()).map(|(a, b)| (gray(a), gray(b)));
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in pairs.filter(|(_, b)| *b < SHADOW_BELOW) {
+        sum += (a - b).powi(2);
+        count += 1.0;
+    }
+    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+}
+
+/// A picture without the empty rows above and below its panels.
+fn middle(picture: &Rgb8Image) -> Rgb8Image {
+    let first = picture.pixels().first().copied().unwrap_or_default();
+    let filled = |y: &usize| picture.row(*y).iter().any(|p| *p != first);
+    let (Some(top), Some(bottom)) =
+        ((0..picture.height()).find(filled), (0..picture.height()).rev().find(filled))
+    else {
+        return picture.clone();
+    };
+    Crop { left: 0, top, width: picture.width(), height: bottom + 1 - top }.of(picture)
+}
+
+/// Reduced to a width, each pixel the mean of those under it.
+fn reduced(picture: &Rgb8Image, width: usize) -> Rgb8Image {
+    let width = width.clamp(1, picture.width().max(1));
+    let height = (picture.height() * width / picture.width().max(1)).max(1);
+    let mut out = Image::filled(width, height, [0; 3]);
+    for y in 0..height {
+        for x in 0..width {
+            let columns = x * picture.width() / width..((x + 1) * picture.width()).div_ceil(width);
+            let rows = y * picture.height() / height..((y + 1) * picture.height()).div_ceil(height);
+            let (mut sum, mut count) = ([0u32; 3], 0u32);
+            for row in rows {
+                for column in columns.clone() {
+                    let pixel = picture.at(column.min(picture.width() - 1), row.min(picture.height() - 1));
+                    sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += u32::from(*p));
+                    count += 1;
+                }
+            }
+            *out.at_mut(x, y) = sum.map(|s| (s / count.max(1)) as u8);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_count_in_shadow_alone() {
+        let picture = |ratios: [f32; 4]| {
+            RadianceImage::from_pixels(4, 1, ratios.map(|r| [0.9 * r; 3]).to_vec()).unwrap()
+        };
+        let truth = picture([1.0, 0.95, 0.5, 0.4]);
+        let error = error_in_shadow(&picture([0.0, 0.0, 0.53, 0.36]), &truth);
+        assert!((error - (0.5f64 * (0.03f64.powi(2) + 0.04f64.powi(2))).sqrt()).abs() < 1e-6, "{error}");
+        assert_eq!(error_in_shadow(&truth, &picture([1.0; 4])), 0.0);
+    }
+
+    #[test]
+    fn pictures_are_reduced_and_cut() {
+        let pixels = (0..8 * 6).map(|i| [if i / 8 == 2 { 40 } else { 0 }, (i % 8) as u8, 0]).collect();
+        let picture = Rgb8Image::from_pixels(8, 6, pixels).unwrap();
+        let half = reduced(&picture, 4);
+        assert_eq!((half.width(), half.height()), (4, 3));
+        assert_eq!(*half.at(1, 1), [20, 2, 0]);
+        let row = middle(
+            &Rgb8Image::from_pixels(2, 3, vec![[0; 3], [0; 3], [0; 3], [9; 3], [0; 3], [0; 3]]).unwrap(),
+        );
+        assert_eq!((row.height(), *row.at(1, 0)), (1, [9; 3]));
+    }
+}

@@ -1,0 +1,266 @@
+//! Views of every part of a picture, as Figures 3, 4 and 5 of [Now11] show them. A view changes what the engine draws
+//! from (scene, light, background), leaves out passes, or is a picture of its own; engines know nothing of views.
+
+mod panels;
+
+use super::gray_place::GrayPlace;
+use crate::assets::shapes;
+use crate::compose::geometry::ObjectGeometry;
+use crate::engine::{Engine, EngineError, RelightInput};
+use crate::model::{
+    frame::Exposure,
+    image::HdrImage,
+    light::{HardLights, Lights, RadianceSamples, RadianceSh},
+    picture::{Picture, PictureView},
+    quality::Quality,
+    response::Response,
+    scene::{Material, Scene, VirtualObject},
+};
+use crate::plan::{
+    FramePlan, Pass,
+    effects::{self, Occasion},
+};
+use crate::visibility::shadow_maps::ShadowMaps;
+use glam::{Affine3A, Quat, Vec3};
+
+/// White of the views that show shares of light.
+const WHITE: f32 = 0.9;
+/// Gray behind objects that are shown by themselves.
+const BEHIND: f32 = 0.2;
+/// Materials of the views that show them.
+const LAMBERT: Material = Material::Lambert { albedo_rgb: [0.75; 3] };
+const PHONG: Material = Material::Phong { albedo_rgb: [0.15; 3], specular_rgb: [0.6; 3], exponent: 16.0 };
+const MIRROR: Material = Material::Mirror { reflectance_rgb: [0.9; 3] };
+
+/// What a picture is drawn from.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The scene that the engine was given.
+    pub scene: &'a Scene,
+    /// Everything else that engines draw from.
+    pub input: &'a RelightInput<'a>,
+    /// Accuracy settings.
+    pub quality: &'a Quality,
+    /// The light as it was measured, world frame; `None`: as the engine measured it last.
+    pub samples: Option<&'a RadianceSamples>,
+}
+
+/// Draws pictures by views; keeps its memory from picture to picture.
+pub struct Views {
+    /// The newest view; the engine holds its scene.
+    shown: PictureView,
+    /// The scene of a view that has its own.
+    scene: Scene,
+    background: HdrImage,
+    place: GrayPlace,
+    objects: ObjectGeometry,
+    shadows: ShadowMaps,
+    even_response: Response,
+}
+
+impl Default for Views {
+    fn default() -> Self {
+        Self {
+            shown: PictureView::Final,
+            scene: Scene::default(),
+            background: HdrImage::default(),
+            place: GrayPlace::default(),
+            objects: ObjectGeometry::default(),
+            shadows: ShadowMaps::default(),
+            even_response: Response::srgb(),
+        }
+    }
+}
+
+impl Views {
+    /// Plans and draws one picture. Another view than [`PictureView::Final`] may hand the engine other scenes; a later
+    /// `Final` gives it back the subject's. `plan` is what was run.
+    pub fn draw(
+        &mut self,
+        view: PictureView,
+        engine: &mut dyn Engine,
+        subject: &Subject<'_>,
+        plan: &mut FramePlan,
+        out: &mut Picture,
+    ) -> Result<(), EngineError> {
+        let Subject { scene, input, quality, samples } = *subject;
+        let (width, height) = (input.background.radiance.width(), input.background.radiance.height());
+        match view {
+            PictureView::Light => {
+                effects::plan(&Occasion::default(), scene, input.light, quality, plan);
+                let samples = samples.unwrap_or_else(|| engine.measured_samples());
+                panels::light(samples, input.light, [width, height], out);
+                out.t = input.t;
+                return Ok(());
+            }
+            PictureView::Maps => {
+                effects::plan(&Occasion::default(), scene, input.light, quality, plan);
+                self.draw_maps(scene, input, quality);
+                panels::maps(&self.shadows, [width, height], out);
+                out.t = input.t;
+                return Ok(());
+            }
+            _ => self.load(view, engine, scene, input)?,
+        }
+        let scene = if has_own_scene(view) { &self.scene } else { scene };
+        let mut light = *input.light;
+        match view {
+            PictureView::Direct => light.global = RadianceSh::zero(light.global.order),
+            PictureView::Global => light.hard = HardLights::none(),
+            PictureView::SelfShadow => light = even_light(light.global.order),
+            _ => {}
+        }
+        match view {
+            PictureView::Direct | PictureView::Global => {
+                let (lens, pose) = (input.lens, input.world_from_camera);
+                self.place.draw(&scene.surfaces, lens, pose, &light, &mut self.background);
+            }
+            PictureView::Cast => even(&mut self.background, [width, height], WHITE),
+            PictureView::SelfShadow => even(&mut self.background, [width, height], BEHIND),
+            _ => {}
+        }
+        let own_background = matches!(
+            view,
+            PictureView::Direct | PictureView::Global | PictureView::Cast | PictureView::SelfShadow
+        );
+        let occasion = Occasion { camera: Some((input.lens, input.world_from_camera)), ..Occasion::SHOW };
+        effects::plan(&occasion, scene, &light, quality, plan);
+        leave_out(view, plan);
+        // Shares of light are shown as they are, not as a camera would expose them.
+        let share = matches!(view, PictureView::Cast | PictureView::SelfShadow);
+        let changed = RelightInput {
+            background: if own_background { &self.background } else { input.background },
+            lens: input.lens,
+            world_from_camera: input.world_from_camera,
+            light: &light,
+            posed: if view == PictureView::Blockers { None } else { input.posed },
+            // One half by itself is seen in mirrors as SH: the picture holds both.
+            environment: if own_background { None } else { input.environment },
+            response: if share { &self.even_response } else { input.response },
+            shown_exposure: if share { Exposure { time_s: 1.0, gain: 1.0 } } else { input.shown_exposure },
+            t: input.t,
+        };
+        engine.relight(plan, &changed, out)
+    }
+
+    /// Gives the engine the scene of the view, where it does not hold it already.
+    fn load(
+        &mut self,
+        view: PictureView,
+        engine: &mut dyn Engine,
+        scene: &Scene,
+        input: &RelightInput<'_>,
+    ) -> Result<(), EngineError> {
+        let before = std::mem::replace(&mut self.shown, view);
+        match view {
+            // Spheres move: they are a new scene for each picture.
+            PictureView::Blockers => {
+                self.scene.surfaces.clone_from(&scene.surfaces);
+                self.scene.figures.clear();
+                spheres_as_objects(input, &mut self.scene.objects);
+                engine.load_scene(&self.scene)
+            }
+            _ if before == view => Ok(()),
+            PictureView::SelfShadow | PictureView::Lambert | PictureView::Phong | PictureView::Mirror => {
+                self.scene.clone_from(scene);
+                for object in &mut self.scene.objects {
+                    object.material = match view {
+                        PictureView::SelfShadow => Material::Lambert { albedo_rgb: [WHITE; 3] },
+                        PictureView::Phong => PHONG,
+                        PictureView::Mirror => MIRROR,
+                        _ => LAMBERT,
+                    };
+                    object.mesh.tints_rgb.clear();
+                }
+                engine.load_scene(&self.scene)
+            }
+            _ if has_own_scene(before) => engine.load_scene(scene),
+            _ => Ok(()),
+        }
+    }
+
+    /// Shadow maps as the CPU draws them, whatever engine there is.
+    fn draw_maps(&mut self, scene: &Scene, input: &RelightInput<'_>, quality: &Quality) {
+        self.objects.load(scene);
+        for (index, object) in input.posed.map_or(&[][..], |p| p.objects()).iter().enumerate() {
+            self.objects.pose(index, &object.positions_world, &object.normals_world);
+        }
+        let objects = &self.objects;
+        let lights = input.light.hard.as_slice();
+        let texels = quality.shadow_map_texels;
+        self.shadows.fit(lights, &objects.positions, &objects.triangles, texels, quality.pcf_taps);
+        self.shadows.draw(&objects.positions, &objects.triangles);
+    }
+}
+
+/// Whether the engine holds another scene than the caller's.
+fn has_own_scene(view: PictureView) -> bool {
+    use PictureView::{Blockers, Lambert, Mirror, Phong, SelfShadow};
+    matches!(view, SelfShadow | Lambert | Phong | Mirror | Blockers)
+}
+
+/// Radiance 1 from everywhere.
+fn even_light(order: usize) -> Lights {
+    let mut sky = RadianceSh::zero(order);
+    sky.rgb[0] = [(4.0 * std::f32::consts::PI).sqrt(); 3];
+    Lights::soft(sky)
+}
+
+fn even(picture: &mut HdrImage, [width, height]: [usize; 2], radiance: f32) {
+    picture.radiance.reshape(width, height, [radiance; 3]);
+    picture.radiance.pixels_mut().fill([radiance; 3]);
+    picture.flags.reshape(width, height, 0);
+    picture.flags.pixels_mut().fill(0);
+}
+
+/// Takes the passes away that a view does not show.
+fn leave_out(view: PictureView, plan: &mut FramePlan) {
+    let gone: &[Pass] = match view {
+        PictureView::Cast => &[Pass::ShadeObject],
+        PictureView::SelfShadow => &[Pass::ShadowMaps, Pass::SoftShadow, Pass::ShadeSurface],
+        PictureView::Blockers => &[Pass::SoftShadow, Pass::ShadeSurface],
+        _ => &[],
+    };
+    let FramePlan { passes, left_out, .. } = plan;
+    passes.retain(|planned| {
+        let kept = !gone.contains(&planned.pass);
+        if !kept {
+            left_out.push(crate::plan::PlannedPass { reason: "the view does not show it", ..*planned });
+        }
+        kept
+    });
+}
+
+/// Every blocker sphere as a matt ball in a colour of its own.
+fn spheres_as_objects(input: &RelightInput<'_>, objects: &mut Vec<VirtualObject>) {
+    let spheres = input.posed.map_or(&[][..], |p| p.spheres());
+    if objects.len() != spheres.len() {
+        let mesh = shapes::icosphere(1.0, 2);
+        let openness = vec![1.0; mesh.positions.len()];
+        *objects = (0..spheres.len())
+            .map(|k| VirtualObject {
+                name: format!("sphere {k}"),
+                mesh: mesh.clone(),
+                material: Material::Lambert { albedo_rgb: colour(k) },
+                world_from_object: Affine3A::IDENTITY,
+                openness: openness.clone(),
+            })
+            .collect();
+    }
+    for (object, sphere) in objects.iter_mut().zip(spheres) {
+        object.world_from_object = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(sphere.radius_m),
+            Quat::IDENTITY,
+            sphere.centre_world,
+        );
+    }
+}
+
+/// Neighbours in the list get hues far apart.
+fn colour(k: usize) -> [f32; 3] {
+    let hue = (k as f32 * 0.618_034).fract();
+    std::array::from_fn(|c| {
+        let angle = std::f32::consts::TAU * (hue - c as f32 / 3.0);
+        0.45 + 0.35 * angle.cos()
+    })
+}
