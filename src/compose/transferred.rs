@@ -52,9 +52,13 @@ impl Transferred {
         let order = light.order.min(transfer.order);
         let global_rgb = &light.global_rgb[..order * order];
         for (object, range) in self.ranges.iter().enumerate() {
-            let Some(rows) = transfer.rows(object).filter(|rows| rows.len() == range.len()) else { continue };
+            let count = transfer.order * transfer.order;
+            let Some(rows) = transfer.objects.get(object).and_then(Option::as_ref) else { continue };
+            if count == 0 || rows.rows.len() != range.len() * count {
+                continue;
+            }
             let out = &mut self.rgb[range.clone()];
-            out.par_iter_mut().zip(rows.collect::<Vec<_>>()).for_each(|(out, row)| {
+            out.par_iter_mut().zip(rows.rows.par_chunks_exact(count)).for_each(|(out, row)| {
                 let mut sum = [0.0f32; 3];
                 for (t, l) in row.iter().zip(global_rgb) {
                     let t = t.to_f32();

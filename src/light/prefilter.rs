@@ -65,17 +65,20 @@ pub struct Prefilter {
 impl Prefilter {
     /// The map of weighted directions (world frame), with weight `alpha` against what `picture` held before; texels that
     /// no sample fell on get what lies around them. The map's size follows the number of samples. Samples that are not
-    /// finite count as not seen. Prefiltered levels are dropped.
+    /// finite count as not seen. The prefiltered levels stay as they were, unless the map's size changes.
     pub fn see(&mut self, samples: &RadianceSamples, alpha: f32, picture: &mut EnvironmentPicture) {
         let side = self.splat(samples);
-        let begins = picture.all.side() != side || alpha.is_nan() || alpha >= 1.0;
+        let is_new = picture.all.side() != side;
+        let begins = is_new || alpha.is_nan() || alpha >= 1.0;
         picture.all.reshape(side);
         for (texel, new) in picture.all.texels_mut().iter_mut().zip(&self.splatted) {
             for c in 0..3 {
                 texel[c] = if begins { new[c] } else { texel[c] + alpha * (new[c] - texel[c]) };
             }
         }
-        picture.glossy.clear();
+        if is_new {
+            picture.glossy.clear();
+        }
         picture.revision = next_revision();
     }
 
@@ -154,9 +157,8 @@ impl Prefilter {
         picture.glossy.truncate(count);
         picture.glossy.resize_with(count, OctahedralMap::default);
         for (level, out) in picture.glossy.iter_mut().enumerate() {
-            // Two texels of the source for one of the level.
-            let from = (2 * side_of(level)).min(self.left.side());
-            shrink(&self.left, from, &mut self.smaller);
+            // One and a half texels of the source or more for one of the level.
+            shrink(&self.left, side_of(level) * 3 / 2, &mut self.smaller);
             out.reshape(side_of(level));
             lobe_means(&self.smaller, 3 + level as u32, &mut self.rays, out);
         }
@@ -212,9 +214,10 @@ fn side_of(level: usize) -> usize {
     24 << (level / 2)
 }
 
-/// Means of square groups of texels, so that `side` remain a side (or as near above as whole groups give).
+/// Means of square groups of texels, 1 to 16 a side, a power of two that divides the map: as large as leaves `side` a side.
 fn shrink(map: &OctahedralMap, side: usize, out: &mut OctahedralMap) {
-    let group = (map.side() / side.max(1)).max(1);
+    let fits = |group: usize| map.side().is_multiple_of(group) && map.side() / group >= side;
+    let group = [16, 8, 4, 2].into_iter().find(|&group| fits(group)).unwrap_or(1);
     let (wide, narrow) = (map.side(), map.side() / group);
     out.reshape(narrow);
     let narrow = out.side();

@@ -153,3 +153,92 @@ proptest! {
         prop_assert_eq!(super::super::shade_surface::ratio(&light, n, [0.0; 3]), [1.0; 3]);
     }
 }
+
+/// For a hard light and for the same light in SH the shade's bands below the order are equal, whatever the lobe and its
+/// norm: f+ is one and the same in both terms (section 5 of the project's formulas).
+#[test]
+fn each_lobe_is_the_same_in_both_terms() {
+    let w = Vec3::new(0.48, 0.6, 0.64);
+    let nothing = Reflected::default();
+    let phong = |exponent| Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [1.0; 3], exponent };
+    let lambert = Material::Lambert { albedo_rgb: [1.0; 3] };
+    for order in [4usize, 6] {
+        // Constant light beside it keeps the shade above 0, where nothing is clamped; it is in both.
+        let mut soft = RadianceSh::zero(order);
+        soft.rgb[0] = [40.0; 3];
+        let hard = sun(w, [1.0; 3], soft);
+        let mut y = [0.0f32; MAX_COEFFICIENTS];
+        basis::evaluate(order, w.to_array(), &mut y);
+        for (row, y) in soft.rgb.iter_mut().zip(y).take(order * order) {
+            row.iter_mut().for_each(|c| *c += y);
+        }
+        let spread = LightTerms::of(&Lights::soft(soft));
+        for (material, norm) in [
+            (lambert, PhongNorm::EnergySafe),
+            (phong(3.0), PhongNorm::EnergySafe),
+            (phong(8.0), PhongNorm::EnergySafe),
+            (phong(8.0), PhongNorm::Paper),
+        ] {
+            let terms = MaterialTerms::of(&material);
+            let surroundings = Surroundings::new(None, &nothing, norm, order);
+            // Bands about w of what leaves along the normal, by 4000 midpoints of the cosine.
+            let (mut by_hard, mut by_soft) = ([0.0f64; 6], [0.0f64; 6]);
+            let side = w.any_orthonormal_vector();
+            for k in 0..4000 {
+                let x = -1.0 + (f64::from(k) + 0.5) / 2000.0;
+                let n = (w * x as f32 + side * (1.0 - x * x).sqrt() as f32).normalize();
+                let leaves = |light: &LightTerms| {
+                    f64::from(super::shade(light, &surroundings, &terms, &point(n, n), |_, _, _| 1.0)[1])
+                };
+                let (a, b) = (leaves(&hard), leaves(&spread));
+                assert!(b > 0.0, "clamped");
+                let mut legendre = (1.0, x);
+                for l in 0..order {
+                    by_hard[l] += a * legendre.0 / 2000.0;
+                    by_soft[l] += b * legendre.0 / 2000.0;
+                    let m = l as f64 + 1.0;
+                    legendre = (legendre.1, ((2.0 * m + 1.0) * x * legendre.1 - m * legendre.0) / (m + 1.0));
+                }
+            }
+            for l in 0..order {
+                let (a, b) = (by_hard[l], by_soft[l]);
+                // Sums of 4000 f32 shades of size 10; the lobe's edge at the horizon between midpoints.
+                assert!((a - b).abs() < 2e-5, "order {order}, {material:?}, {norm:?}, band {l}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Sharp gloss reads the picture's levels; hard lights that are in them are not added again; a soft lobe stays in SH.
+#[test]
+fn sharp_gloss_is_read_from_the_levels() {
+    use crate::model::environment::{EnvironmentPicture, OctahedralMap};
+    let mut level = OctahedralMap::new(4);
+    level.texels_mut().fill([2.0, 4.0, 8.0]);
+    let mut picture =
+        EnvironmentPicture { all: level.clone(), glossy: vec![level], ..EnvironmentPicture::default() };
+    let light = sun(Vec3::Z, [10.0; 3], RadianceSh::zero(4));
+    let nothing = Reflected::default();
+    let point = ObjectPoint { tint_openness: [1.0, 1.0, 1.0, 0.5], ..point(Vec3::Z, Vec3::Z) };
+    let out = |picture: &EnvironmentPicture, exponent: f32, norm| {
+        let phong = Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [0.5; 3], exponent };
+        let surroundings = Surroundings::new(Some(picture), &nothing, norm, light.order);
+        super::shade(&light, &surroundings, &MaterialTerms::of(&phong), &point, |_, _, _| 1.0)
+    };
+    let shine = 0.5 * 10.0 * 41.0 / TAU;
+    let sharp = out(&picture, 40.0, PhongNorm::EnergySafe);
+    for (got, level) in sharp.iter().zip([2.0, 4.0, 8.0]) {
+        assert!((got - shine - 0.5 * 0.5 * level).abs() < 1e-3, "{sharp:?}");
+    }
+    let paper = out(&picture, 40.0, PhongNorm::Paper);
+    assert!((paper[0] / sharp[0] - 42.0 / 41.0).abs() < 1e-5);
+    picture.holds_hard_lights = true;
+    assert!((out(&picture, 40.0, PhongNorm::EnergySafe)[2] - 2.0).abs() < 1e-5);
+    // Exponent 5 at order 4 is soft enough: L_g is 0, the hard light shines.
+    let soft = out(&picture, 5.0, PhongNorm::EnergySafe);
+    assert!((soft[2] - 0.5 * 10.0 * 6.0 / TAU).abs() < 1e-4, "{soft:?}");
+    // Mirrors see the picture and nothing is added.
+    let mirror = MaterialTerms::of(&Material::Mirror { reflectance_rgb: [0.5; 3] });
+    let surroundings = Surroundings::new(Some(&picture), &nothing, PhongNorm::Paper, 4);
+    assert_eq!(super::shade(&light, &surroundings, &mirror, &point, |_, _, _| 1.0), [1.0, 2.0, 4.0]);
+}
