@@ -303,6 +303,8 @@ pub struct ObjectVertex {
     pub normal: [f32; 3],
     /// Tint and openness.
     pub tint_openness: [f32; 4],
+    /// What a white matt surface radiates here under the soft half by precomputed transfer, and 1; 0: there is none.
+    pub soft: [f32; 4],
 }
 
 /// A vertex of a real surface.

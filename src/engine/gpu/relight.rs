@@ -98,6 +98,9 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
+        if self.twins.transferred.update(&light, quality.self_shadow) {
+            self.scene.moved(0..self.twins.objects.positions.len());
+        }
         if self.twins.pose(input) {
             let objects = input.posed.map_or(&[][..], Posed::objects).iter();
             for (_, (vertices, _)) in
@@ -111,7 +114,8 @@ impl Relighter {
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
             let cut = self.domain.cut(input.lens, &camera);
-            self.scene.update(context, &self.twins.objects, &self.twins.surfaces, cut);
+            let soft = self.twins.transferred.rgb();
+            self.scene.update(context, &self.twins.objects, soft, &self.twins.surfaces, cut);
         }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
 
