@@ -79,6 +79,7 @@ fn scene() -> Scene {
         ],
         surfaces: vec![ground()],
         figures: Vec::new(),
+        transfer: None,
     }
 }
 

@@ -29,7 +29,7 @@ use halflight::{
         image::{HdrImage, Rgb8Image},
         light::{HardLight, Lights, RadianceSamples, RadianceSh},
         picture::Picture,
-        quality::Quality,
+        quality::{Quality, SelfShadow},
         response::Response,
         rig::MirrorBall,
         time::Timestamp,
@@ -225,8 +225,13 @@ impl Shot {
         }
         let mut plan = FramePlan::default();
         let soft_step_px = coverage_samples;
-        let quality =
-            Quality { coverage_samples, soft_step_px, shadow_map_texels: 512, ..Quality::default() };
+        let quality = Quality {
+            coverage_samples,
+            soft_step_px,
+            shadow_map_texels: 512,
+            self_shadow: SelfShadow::Transfer,
+            ..Quality::default()
+        };
         effects::plan(&Occasion::SHOW, &scene(), &light, &quality, &mut plan);
         let pose = Pose::look_at(DVec3::new(0.3, -0.6, 0.5), DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
         let (response, posed) = (Response::srgb(), Posed::new(&scene()));

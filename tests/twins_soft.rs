@@ -60,6 +60,7 @@ fn spheres_alone(spheres: &[(Vec3, f32)]) -> Scene {
         objects: Vec::new(),
         surfaces: vec![surface("ground", shapes::plane_z0(50.0)), surface("mound", mound)],
         figures: vec![Figure::still("pile".into(), 0, Affine3A::IDENTITY, spheres.iter().copied())],
+        transfer: None,
     }
 }
 
@@ -297,6 +298,7 @@ fn moving() -> Scene {
         objects: vec![stands, ball("goes", 0.06), cube],
         surfaces: vec![surface("ground", shapes::plane_z0(50.0))],
         figures: vec![goes],
+        transfer: None,
     }
 }
 

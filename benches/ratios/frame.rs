@@ -66,7 +66,7 @@ fn scene(segments: u32) -> Scene {
             receives_shadow: true,
             albedo_rgb: None,
         }],
-        figures: Vec::new(),
+        ..Scene::default()
     }
 }
 

@@ -41,6 +41,9 @@ struct Seen {
     @location(3) @interpolate(perspective, centroid) inside_from_eye: vec4<f32>,
     @location(4) @interpolate(perspective, centroid) inside_normal: vec3<f32>,
     @location(5) @interpolate(perspective, centroid) inside_tint_openness: vec4<f32>,
+    // Soft light by precomputed transfer, and 1; 0: there is none.
+    @location(6) soft: vec4<f32>,
+    @location(7) @interpolate(perspective, centroid) inside_soft: vec4<f32>,
 }
 
 @vertex
@@ -48,6 +51,7 @@ fn vertex(
     @location(0) position: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) tint_openness: vec4<f32>,
+    @location(3) soft: vec4<f32>,
 ) -> Seen {
     var seen: Seen;
     seen.clip = clip_position(view, position, 1.0);
@@ -57,6 +61,8 @@ fn vertex(
     seen.inside_from_eye = vec4<f32>(seen.from_eye, 1.0);
     seen.inside_normal = normal;
     seen.inside_tint_openness = tint_openness;
+    seen.soft = soft;
+    seen.inside_soft = soft;
     return seen;
 }
 
@@ -68,14 +74,16 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
     var from_eye = seen.from_eye;
     var normal = safe_normal(seen.normal, facet, front);
     var tint_openness = seen.tint_openness;
+    var soft = seen.soft;
     let inside_normal = safe_normal(seen.inside_normal, facet, front);
     if dot(normal, inside_normal) < NEAR_ENOUGH {
         from_eye = seen.inside_from_eye.xyz / seen.inside_from_eye.w;
         normal = inside_normal;
         tint_openness = seen.inside_tint_openness / seen.inside_from_eye.w;
+        soft = seen.inside_soft / seen.inside_from_eye.w;
     }
     let point_world = view.eye.xyz + from_eye;
-    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness);
+    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness, soft);
     return vec4<f32>(min(max(radiance, vec3<f32>(0.0)) * light.exposure.x, vec3<f32>(BRIGHTEST)), 1.0);
 }
 
@@ -92,6 +100,7 @@ fn shade(
     to_eye: vec3<f32>,
     point_world: vec3<f32>,
     tint_openness: vec4<f32>,
+    transferred: vec4<f32>,
 ) -> vec3<f32> {
     let specular = material.specular_exponent.xyz;
     let exponent = material.specular_exponent.w;
@@ -123,7 +132,11 @@ fn shade(
     }
     let openness = tint_openness.w;
     let albedo = material.albedo_rgb.xyz * tint_openness.xyz;
-    var out = albedo * (matt + openness * soft_over_pi(n));
+    var soft = transferred.xyz;
+    if transferred.w <= 0.5 {
+        soft = openness * soft_over_pi(n);
+    }
+    var out = albedo * (matt + soft);
     if is_glossy {
         var glossy = vec3<f32>(0.0);
         if sharp {

@@ -29,6 +29,13 @@ pub struct QualityFlags {
     /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
     #[arg(long, value_name = "N")]
     pub soft_step_px: Option<i64>,
+    /// The shadow of what never moves on itself in soft light: openness, or transfer (precomputed with rays and kept in
+    /// the cache folder) [default: openness].
+    #[arg(long, value_name = "KIND")]
+    pub self_shadow: Option<String>,
+    /// How glossy lobes are scaled: energy-safe or paper [default: energy-safe].
+    #[arg(long, value_name = "NORM")]
+    pub phong_norm: Option<String>,
     /// Shadow maps that compact lights share: 1 to 64 [default: 8].
     #[arg(long, value_name = "N")]
     pub shadow_maps: Option<i64>,
@@ -52,6 +59,8 @@ impl QualityFlags {
             ("--rung", "quality.rung", word(&self.rung)),
             ("--directions", "quality.directions", whole(self.directions)),
             ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
+            ("--self-shadow", "quality.self_shadow", word(&self.self_shadow)),
+            ("--phong-norm", "quality.phong_norm", word(&self.phong_norm)),
             ("--shadow-maps", "quality.shadow_maps", whole(self.shadow_maps)),
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
@@ -83,6 +92,8 @@ mod tests {
             rung: Some("hybrid".into()),
             directions: Some(256),
             soft_step_px: Some(2),
+            self_shadow: Some("transfer".into()),
+            phong_norm: Some("paper".into()),
             shadow_maps: Some(3),
             shadow_map_texels: Some(512),
             pcf_taps: Some(8),
@@ -95,6 +106,7 @@ mod tests {
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert!(quality.dering && !before.dering);
         assert!(quality.split != before.split && quality.rung != before.rung);
+        assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }
 
     #[test]

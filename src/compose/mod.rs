@@ -8,3 +8,4 @@ pub mod shade_object;
 pub mod shade_surface;
 pub mod soft_shadow;
 pub mod tonemap;
+pub mod transferred;

@@ -185,6 +185,11 @@ impl Planes {
         if is_front { self.flat.get(index) } else { None }
     }
 
+    /// Those prepared last.
+    pub fn prepared(&self) -> &[Plane] {
+        &self.prepared[..self.prepared.len().min(self.normals.len())]
+    }
+
     /// The plane of a triangle seen from the side of `normal`, if it is one of them.
     pub fn of(&self, triangle: usize, normal: Vec3) -> Option<&Plane> {
         let index = *self.of_triangle.get(triangle)? as usize;

@@ -1,7 +1,12 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
-use crate::model::{blocker::Rung, picture::PictureView, quality::SplitKind};
+use crate::math::sh::zonal::PhongNorm;
+use crate::model::{
+    blocker::Rung,
+    picture::PictureView,
+    quality::{SelfShadow, SplitKind},
+};
 use toml::Value;
 
 /// What a key may hold.
@@ -326,6 +331,22 @@ pub const KEYS: &[Key] = &[
         "How the visibility of many spheres is put together where virtual bodies block soft light, cheapest first; directions is the only one that overlapping spheres cannot harm.",
         |s| word(s.quality.rung.name()),
         |s, v| s.quality.rung = Rung::parse(&text(v)).unwrap_or(Rung::Directions)
+    ),
+    key!(
+        "quality.self_shadow",
+        "",
+        Range::Choice(&SelfShadow::NAMES),
+        "The shadow of what never moves on itself and its like in soft light: by the share of the hemisphere that each vertex leaves open, or by transfer precomputed with rays (kept in the cache folder; 32 bytes a vertex at order 4). Gloss and what moves use the openness.",
+        |s| word(s.quality.self_shadow.name()),
+        |s, v| s.quality.self_shadow = SelfShadow::from_name(&text(v)).unwrap_or_default()
+    ),
+    key!(
+        "quality.phong_norm",
+        "",
+        Range::Choice(&PhongNorm::NAMES),
+        "How glossy lobes are scaled: so that no light is made, or as in the paper, which is brighter by (s+2)/(s+1).",
+        |s| word(s.quality.phong_norm.name()),
+        |s, v| s.quality.phong_norm = PhongNorm::from_name(&text(v)).unwrap_or(PhongNorm::EnergySafe)
     ),
     key!(
         "quality.directions",

@@ -5,3 +5,4 @@ pub mod cache_folder;
 pub mod engines;
 pub mod picture_folder;
 pub mod run;
+pub mod vertex_transfer;

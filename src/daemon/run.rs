@@ -1,6 +1,6 @@
 //! Runs the pipeline as the settings say.
 
-use super::{blocker_spheres, engines, picture_folder::PictureFolder};
+use super::{blocker_spheres, engines, picture_folder::PictureFolder, vertex_transfer};
 use crate::assets::scene as scene_file;
 use crate::config::settings::{RunMode, Settings};
 use crate::device::{
@@ -96,6 +96,7 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
     let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let mut scene = file.scene_with_ball(rig.ball.as_ref());
     blocker_spheres::fit(&mut scene);
+    vertex_transfer::bake(&mut scene, &settings.quality);
     Ok((scene, rig))
 }
 

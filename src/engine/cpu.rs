@@ -17,6 +17,7 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame},
     soft_shadow::{self, Planes, Transfer},
     tonemap::ToneTable,
+    transferred::Transferred,
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -56,9 +57,10 @@ pub(super) struct Work {
     samples: Vec<Sample>,
     pub(super) shadows: ShadowMaps,
     pub(super) reflected: Reflected,
+    pub(super) transferred: Transferred,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
-    planes: Planes,
+    pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
@@ -175,6 +177,7 @@ impl Work {
         self.surfaces.load(&scene.surfaces);
         self.planes.find(&self.surfaces);
         self.reflected.load(&self.surfaces);
+        self.transferred.load(scene);
     }
 
     /// Moves what has moved. Whether anything had.
@@ -314,12 +317,14 @@ impl Work {
     ) {
         self.project_surfaces(input, view, quality);
         self.prepare_reflected(input);
+        self.transferred.update(light, quality.self_shadow);
+        let transferred = self.transferred.rgb();
         let (objects, shadows) = (&self.objects, &self.shadows);
         let surroundings =
             Surroundings::new(input.environment, &self.reflected, quality.phong_norm, light.order);
         self.seen_objects.prepare(&self.rays, view, &objects.positions, &objects.triangles);
         let shade = |fragment: &Fragment| {
-            let (point, facet) = object_point(objects, fragment);
+            let (point, facet) = object_point(objects, transferred, fragment);
             let material = objects.material_of_triangle[fragment.triangle];
             let terms = &objects.materials[material as usize];
             let is_mirror = terms.exponent == MIRROR_EXPONENT;

@@ -1,9 +1,11 @@
 //! Light over time: a low pass on the coefficients, and how sure the direction is.
 
 use super::halve::{HalveOptions, Halver};
+use super::prefilter::{Prefilter, Wanted};
 use super::split::{SplitOptions, first_moment, split};
 use crate::math::sh::MAX_COEFFICIENTS;
 use crate::model::{
+    environment::EnvironmentPicture,
     estimate::{LightEstimate, LightFlags, Provenance},
     light::{RadianceSamples, RadianceSh},
     time::Timestamp,
@@ -30,6 +32,10 @@ pub struct Follow {
     weights: Weights,
     noise: Noise,
     last: Option<LightEstimate>,
+    wanted: Wanted,
+    prefilter: Prefilter,
+    environment: EnvironmentPicture,
+    left: RadianceSamples,
 }
 
 /// How many updates entered, and the sum of their squared weights: 1 over their effective number.
@@ -103,12 +109,28 @@ impl Follow {
             weights: Weights::default(),
             noise: Noise::default(),
             last: None,
+            wanted: Wanted::default(),
+            prefilter: Prefilter::default(),
+            environment: EnvironmentPicture::default(),
+            left: RadianceSamples::default(),
         }
+    }
+
+    /// What of the picture of the environment is to be kept up with the light; nothing where nothing was said.
+    pub fn want(&mut self, wanted: Wanted) {
+        self.wanted = wanted;
+    }
+
+    /// The picture of the environment, filtered as the light is; `None` where none is wanted or none was seen.
+    pub fn environment(&self) -> Option<&EnvironmentPicture> {
+        (self.environment.all.side() > 0).then_some(&self.environment)
     }
 
     /// Forgets everything.
     pub fn reset(&mut self) {
+        let wanted = self.wanted;
         *self = Self::new(self.filter_tau_s, self.halve);
+        self.wanted = wanted;
     }
 
     /// Takes in light measured at time `t` (world frame) with what it had to do without, and the weighted directions
@@ -141,6 +163,14 @@ impl Follow {
             }
         }
         self.halver.see(samples, alpha, dt_s);
+        let lights = self.halver.halve(&filtered);
+        if self.wanted.picture && !samples.directions.is_empty() {
+            self.prefilter.see(samples, alpha as f32, &mut self.environment);
+            if self.wanted.glossy {
+                let has_rest = self.halver.left_over(&mut self.left);
+                self.prefilter.levels(has_rest.then_some(&self.left), &mut self.environment);
+            }
+        }
         let halves = split(&filtered, &SplitOptions { bounded: false, ..self.halve.net_flux });
         self.noise.enter(
             self.gray_moment(&total.rgb.map(|row| row.map(f64::from))),
@@ -156,7 +186,7 @@ impl Follow {
             t,
             total: filtered,
             split: halves,
-            lights: self.halver.halve(&filtered),
+            lights,
             provenance: Provenance::Measured,
             cone95_rad,
             flags: *flags,

@@ -1,7 +1,8 @@
 //! What is in the place: real surfaces and virtual objects, in the world frame.
 
-use super::animation::Figure;
+use super::{animation::Figure, transfer::SceneTransfer};
 use glam::{Affine3A, Vec3};
+use std::sync::Arc;
 
 /// How a surface reflects. Albedo and reflectance are linear RGB within [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,4 +79,6 @@ pub struct Scene {
     pub surfaces: Vec<RealSurface>,
     /// Bodies: which objects move together, how, and the spheres that stand for them. Objects without one stay.
     pub figures: Vec<Figure>,
+    /// How what never moves answers to soft light, where that was computed.
+    pub transfer: Option<Arc<SceneTransfer>>,
 }

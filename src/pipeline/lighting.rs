@@ -6,8 +6,10 @@ use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::sliding::SlidingMerge;
 use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
+use crate::light::prefilter::Wanted;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
 use crate::model::{
+    environment::EnvironmentPicture,
     estimate::{LightEstimate, PoseEstimate, Provenance},
     frame::RawFrame,
     image::HdrImage,
@@ -76,6 +78,16 @@ impl Lighting {
         engine.merge_bracket(&bracket, response, &mut self.picture)?;
         self.bracket = bracket.pictures.len();
         Ok(warped)
+    }
+
+    /// What of the picture of the environment the scene's materials need.
+    pub fn want(&mut self, wanted: Wanted) {
+        self.follow.want(wanted);
+    }
+
+    /// The picture of the environment, where one is wanted and was seen.
+    pub fn environment(&self) -> Option<&EnvironmentPicture> {
+        self.follow.environment()
     }
 
     /// The merged picture, as seen from the newest frame.

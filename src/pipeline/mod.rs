@@ -13,6 +13,7 @@ pub mod views;
 
 use crate::device::{Clock, DeviceError};
 use crate::engine::{Engine, EngineError};
+use crate::light::prefilter::Wanted;
 use crate::math::lens::Lens;
 use crate::model::{
     frame::{Exposure, RawFrame},
@@ -121,7 +122,8 @@ impl Pipeline {
     ) -> Result<Self, PipelineError> {
         let mut tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
         tracker.set_response(&response);
-        let lighting = Lighting::new(&rig, &options);
+        let mut lighting = Lighting::new(&rig, &options);
+        lighting.want(Wanted::by(&scene, options.quality.sh_order));
         let presenting = Presenting::new(scene, &options);
         Ok(Self {
             engine,
@@ -166,6 +168,7 @@ impl Pipeline {
                 lens,
                 &pose.world_from_camera,
                 &light.lights,
+                self.lighting.environment(),
                 &self.response,
                 frame.t_mid,
             ),

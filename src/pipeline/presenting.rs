@@ -8,6 +8,7 @@ use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
+    environment::EnvironmentPicture,
     frame::{Exposure, RawFrame},
     image::HdrImage,
     light::{Lights, RadianceSh},
@@ -68,6 +69,7 @@ impl Presenting {
         lens: &Lens,
         world_from_camera: &Pose,
         light: &Lights,
+        environment: Option<&EnvironmentPicture>,
         response: &Response,
         t: Timestamp,
     ) -> Result<(), &'static str> {
@@ -78,7 +80,7 @@ impl Presenting {
             lens,
             world_from_camera,
             light,
-            environment: None,
+            environment,
             posed: Some(&self.posed),
             response,
             shown_exposure: self.shown_exposure.chosen,

@@ -44,7 +44,7 @@ pub fn scene() -> Scene {
         receives_shadow,
         albedo_rgb: None,
     };
-    Scene {
+    let mut scene = Scene {
         objects: vec![
             sphere("matt", 24, Vec3::new(0.0, 0.0, 0.1), 0.1, matt),
             cube,
@@ -68,7 +68,14 @@ pub fn scene() -> Scene {
             body("glossy", 2, Vec3::new(0.15, -0.12, 0.05), &[(Vec3::ZERO, 0.05)]),
             body("mirror", 3, Vec3::new(-0.15, -0.1, 0.06), &[(Vec3::ZERO, 0.06)]),
         ],
-    }
+        ..Scene::default()
+    };
+    // The matt ball and the cube answer by precomputed transfer, the others by their openness.
+    let mut transfer = halflight::assets::transfer::of_scene(&scene, 4, 32, None, &|_| ());
+    transfer.objects[2] = None;
+    transfer.objects[3] = None;
+    scene.transfer = Some(std::sync::Arc::new(transfer));
+    scene
 }
 
 fn body(name: &str, object: usize, at: Vec3, spheres: &[(Vec3, f32)]) -> Figure {

@@ -6,7 +6,7 @@ use crate::assets::{
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
 };
 use crate::cli::CliError;
-use crate::daemon::blocker_spheres;
+use crate::daemon::{blocker_spheres, vertex_transfer};
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::{
@@ -117,6 +117,7 @@ pub fn of_scene(
     ));
     let mut scene = file.scene.clone();
     blocker_spheres::fit(&mut scene);
+    vertex_transfer::bake(&mut scene, quality);
     let (background, exposure_s) = match &place {
         Some(loaded) => {
             (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))

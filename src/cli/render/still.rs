@@ -4,7 +4,7 @@ use super::{background, case_light};
 use crate::animate::posed::Posed;
 use crate::assets::case::Case;
 use crate::cli::{CliError, common::PixelDigest};
-use crate::daemon::blocker_spheres;
+use crate::daemon::{blocker_spheres, vertex_transfer};
 use crate::engine::{Engine, RelightInput};
 use crate::light::{halve::HalveOptions, split::SplitOptions};
 use crate::math::{lens::Lens, pose::Pose};
@@ -114,6 +114,7 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
     }
     let mut scene = case.scene(Some(image)).map_err(file)?;
     blocker_spheres::fit(&mut scene);
+    vertex_transfer::bake(&mut scene, quality);
     let emitters = case.emitters(Some(image)).map_err(file)?;
     let sources = case_light::sources(case, &emitters)?;
     let (light, left) = case_light::split_for_objects(case, &scene, &sources, quality)?;

@@ -24,14 +24,22 @@ pub fn coarse_lens(lens: &Lens, step: u32) -> Lens {
 
 /// Interpolates what shading needs at a fragment, and its facet's normal on the seen side. Backs of open meshes are
 /// shaded like fronts.
-pub fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoint, Vec3) {
+pub fn object_point(
+    objects: &ObjectGeometry,
+    transferred: &[[f32; 4]],
+    fragment: &Fragment,
+) -> (ObjectPoint, Vec3) {
     let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
     let weights = fragment.barycentric;
     let mut normal = Vec3::ZERO;
     let mut tint_openness = [0.0f32; 4];
+    let mut soft = [0.0f32; 4];
     for (&i, w) in corners.iter().zip(weights) {
         normal += w * objects.normals[i];
         for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {
+            *slot += w * c;
+        }
+        for (slot, c) in soft.iter_mut().zip(transferred[i]) {
             *slot += w * c;
         }
     }
@@ -44,7 +52,8 @@ pub fn object_point(objects: &ObjectGeometry, fragment: &Fragment) -> (ObjectPoi
         normal,
         to_eye: fragment.to_eye,
         tint_openness,
-        transferred_rgb: None,
+        // All corners of a triangle have it, or none.
+        transferred_rgb: (soft[3] > 0.5).then_some([soft[0], soft[1], soft[2]]),
     };
     (point, facet)
 }

@@ -82,8 +82,14 @@ pub const SOFT_SHADOW: Kernel = Kernel {
         Binding::new("view", BindingKind::Uniform),
         Binding::new("soft", BindingKind::Uniform),
         Binding::new("blockers", BindingKind::Uniform),
+        Binding::new("planes", BindingKind::Uniform),
     ],
-    structs: &[params::View::LAYOUT, params::SoftTerms::LAYOUT, params::BLOCKER_TERMS],
+    structs: &[
+        params::View::LAYOUT,
+        params::SoftTerms::LAYOUT,
+        params::BLOCKER_TERMS,
+        params::PlaneTerms::LAYOUT,
+    ],
 };
 
 /// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.

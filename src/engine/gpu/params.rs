@@ -7,6 +7,9 @@ use crate::{
     visibility::blockers::BlockerTerms,
 };
 
+/// Normals of flat receivers that `PlaneTerms` holds.
+pub const PLANES: usize = 3;
+
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Member {
@@ -182,12 +185,24 @@ shared_struct! {
         bands_high: [f32; 4],
         /// Centres and radii, world frame, metres.
         spheres: [[f32; 4]; 64],
-        /// Unit directions.
-        directions: [[f32; 4]; 256],
+        /// Unit directions, four by four: x of four of them, y, z.
+        directions: [[[f32; 4]; 3]; 64],
         /// Means of y_i over the directions.
         means: [[f32; 4]; 9],
         /// M^{L_g}, rows i, columns k <= i.
         matrix: [[f32; 4]; 666],
+    }
+}
+
+shared_struct! {
+    /// Flat receivers of `compose/soft_shadow`. Twin: `visibility::blockers::Plane`.
+    PlaneTerms {
+        /// Normals, 0, 0, 0.
+        counts: [u32; 4],
+        /// Unit, world frame.
+        normals: [[f32; 4]; PLANES],
+        /// Of each, what a blocked direction or coefficient takes, r, g, b.
+        weights: [[[f32; 4]; 256]; PLANES],
     }
 }
 
@@ -288,6 +303,8 @@ pub struct ObjectVertex {
     pub normal: [f32; 3],
     /// Tint and openness.
     pub tint_openness: [f32; 4],
+    /// What a white matt surface radiates here under the soft half by precomputed transfer, and 1; 0: there is none.
+    pub soft: [f32; 4],
 }
 
 /// A vertex of a real surface.

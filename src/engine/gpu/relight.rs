@@ -10,7 +10,7 @@ use super::{
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
-        soft_shadow::SoftShadow,
+        soft_shadow::{Soft, SoftShadow},
         tonemap::Tonemap,
     },
     recorder::{Recorder, Timer},
@@ -98,6 +98,9 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
+        if self.twins.transferred.update(&light, quality.self_shadow) {
+            self.scene.moved(0..self.twins.objects.positions.len());
+        }
         if self.twins.pose(input) {
             let objects = input.posed.map_or(&[][..], Posed::objects).iter();
             for (_, (vertices, _)) in
@@ -111,7 +114,8 @@ impl Relighter {
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
             let cut = self.domain.cut(input.lens, &camera);
-            self.scene.update(context, &self.twins.objects, &self.twins.surfaces, cut);
+            let soft = self.twins.transferred.rgb();
+            self.scene.update(context, &self.twins.objects, soft, &self.twins.surfaces, cut);
         }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
 
@@ -160,8 +164,11 @@ impl Relighter {
                             &mut recorder,
                             &mut self.scene,
                             &coarse_view,
-                            &twins.blockers,
-                            &twins.transfer,
+                            &Soft {
+                                blockers: &twins.blockers,
+                                transfer: &twins.transfer,
+                                planes: &twins.planes,
+                            },
                             picture,
                         )?;
                         exchange.soft_place = Place::Device;

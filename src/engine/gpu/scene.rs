@@ -136,6 +136,7 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
+        soft: &[[f32; 4]],
         surfaces: &SurfaceGeometry,
         cut: Option<Cut>,
     ) {
@@ -146,11 +147,11 @@ impl SceneBuffers {
             self.upload_materials(context, objects);
         } else if has_moved {
             self.boxes[0] = box_around(&objects.positions);
-            self.upload_moved(context, objects);
+            self.upload_moved(context, objects, soft);
         }
         self.moved.clear();
         if is_cut_anew || (has_moved && cut.is_some()) {
-            self.upload_objects(context, objects, cut);
+            self.upload_objects(context, objects, soft, cut);
         }
         if is_cut_anew {
             self.upload_surfaces(context, surfaces, cut);
@@ -158,11 +159,12 @@ impl SceneBuffers {
         self.uploaded = Some(cut);
     }
 
-    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry) {
+    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry, soft: &[[f32; 4]]) {
         for range in &self.moved {
             let vertices = &mut self.vertices;
             vertices.clear();
-            let all = (range.end <= objects.positions.len()).then(|| object_vertices(objects, range.clone()));
+            let all =
+                (range.end <= objects.positions.len()).then(|| object_vertices(objects, soft, range.clone()));
             vertices.extend(all.into_iter().flatten());
             let offset = (range.start * size_of::<ObjectVertex>()) as u64;
             let buffer = self.casters.vertices.at_least(context, 0);
@@ -170,10 +172,16 @@ impl SceneBuffers {
         }
     }
 
-    fn upload_objects(&mut self, context: &GpuContext, objects: &ObjectGeometry, cut: Option<Cut>) {
+    fn upload_objects(
+        &mut self,
+        context: &GpuContext,
+        objects: &ObjectGeometry,
+        soft: &[[f32; 4]],
+        cut: Option<Cut>,
+    ) {
         let mut vertices = std::mem::take(&mut self.vertices);
         vertices.clear();
-        vertices.extend(object_vertices(objects, 0..objects.positions.len()));
+        vertices.extend(object_vertices(objects, soft, 0..objects.positions.len()));
         if self.uploaded.is_none() {
             self.casters.write(context, &vertices, &objects.triangles);
         }
@@ -285,16 +293,19 @@ impl SceneBuffers {
     }
 }
 
-/// Vertices of a range as the device has them.
-fn object_vertices(
-    objects: &ObjectGeometry,
+/// Vertices of a range as the device has them; `soft`: one for each vertex.
+fn object_vertices<'a>(
+    objects: &'a ObjectGeometry,
+    soft: &'a [[f32; 4]],
     range: Range<usize>,
-) -> impl Iterator<Item = ObjectVertex> + use<'_> {
+) -> impl Iterator<Item = ObjectVertex> + use<'a> {
     let points = objects.positions[range.clone()].iter().zip(&objects.normals[range.clone()]);
-    points.zip(&objects.tint_openness[range]).map(|((position, normal), &tint_openness)| ObjectVertex {
+    let answers = objects.tint_openness[range.clone()].iter().zip(&soft[range]);
+    points.zip(answers).map(|((position, normal), (&tint_openness, &soft))| ObjectVertex {
         position: position.to_array(),
         normal: normal.to_array(),
         tint_openness,
+        soft,
     })
 }
 
@@ -328,6 +339,7 @@ impl Halve for ObjectVertex {
             position: mean(self.position, other.position),
             normal: mean(self.normal, other.normal),
             tint_openness: mean(self.tint_openness, other.tint_openness),
+            soft: mean(self.soft, other.soft),
         }
     }
 }

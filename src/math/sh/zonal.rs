@@ -61,6 +61,24 @@ pub enum PhongNorm {
     EnergySafe,
 }
 
+impl PhongNorm {
+    /// Both, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["energy-safe", "paper"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::EnergySafe => "energy-safe",
+            Self::Paper => "paper",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::EnergySafe, Self::Paper].into_iter().find(|n| n.name() == name)
+    }
+}
+
 /// The factor before cos^s: (s+2)/(2 pi) or (s+1)/(2 pi).
 pub fn phong_scale<T: Real>(exponent: T, norm: PhongNorm) -> T {
     let plus = match norm {

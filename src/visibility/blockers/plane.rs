@@ -31,6 +31,17 @@ impl Default for Plane {
 }
 
 impl Plane {
+    /// Unit, world frame.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// What is taken, each channel, for each direction that is wholly blocked (rung `directions`), else for each
+    /// coefficient of 1 - V.
+    pub fn terms(&self) -> &[[f32; 3]] {
+        if self.weights.is_empty() { &self.transfer } else { &self.weights }
+    }
+
     /// The soft light where nothing blocks: t_0 sqrt(4 pi), each channel.
     pub fn unblocked(&self) -> [f32; 3] {
         self.unblocked

@@ -1,7 +1,7 @@
 //! `compose/soft_shadow` on the device. Twin: `compose::soft_shadow`.
 
 use crate::{
-    compose::soft_shadow::Transfer,
+    compose::soft_shadow::{Planes, Transfer},
     engine::{
         EngineError,
         gpu::{
@@ -23,6 +23,16 @@ use crate::{
 
 const PASS: Pass = Pass::SoftShadow;
 
+/// What spheres take of the soft light, as the twins have prepared it.
+pub struct Soft<'a> {
+    /// That `fit_shader`.
+    pub blockers: &'a Blockers,
+    /// The light.
+    pub transfer: &'a Transfer,
+    /// Flat receivers.
+    pub planes: &'a Planes,
+}
+
 /// The kernel.
 pub struct SoftShadow {
     built: Built,
@@ -32,10 +42,12 @@ pub struct SoftShadow {
     view: GrowingBuffer,
     soft: GrowingBuffer,
     blockers: GrowingBuffer,
+    planes: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
     terms: Box<params::SoftTerms>,
     blocker_terms: Box<BlockerTerms>,
+    plane_terms: Box<params::PlaneTerms>,
 }
 
 impl SoftShadow {
@@ -48,10 +60,12 @@ impl SoftShadow {
             view: GrowingBuffer::uniform("coarse view"),
             soft: GrowingBuffer::uniform("soft terms"),
             blockers: GrowingBuffer::uniform("blockers"),
+            planes: GrowingBuffer::uniform("planes"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("coarse depth", wgpu::TextureFormat::Depth32Float),
             terms: bytemuck::zeroed_box(),
             blocker_terms: bytemuck::zeroed_box(),
+            plane_terms: bytemuck::zeroed_box(),
         })
     }
 
@@ -61,12 +75,13 @@ impl SoftShadow {
         recorder: &mut Recorder<'_>,
         scene: &mut SceneBuffers,
         coarse_view: &params::View,
-        blockers: &Blockers,
-        transfer: &Transfer,
+        spheres: &Soft<'_>,
         picture: &mut KeptTexture,
     ) -> Result<(), EngineError> {
         let context = recorder.context;
-        self.fill(blockers, transfer);
+        let blockers = spheres.blockers;
+        self.fill(blockers, spheres.transfer);
+        self.fill_planes(spheres.planes);
         let is_directed = blockers.rung() == Rung::Directions;
         if !is_directed {
             blockers.shader_terms(&mut self.blocker_terms);
@@ -85,6 +100,7 @@ impl SoftShadow {
             } else {
                 self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms))
             },
+            self.planes.write(context, bytemuck::bytes_of(&*self.plane_terms)),
         ];
         let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (coarse_view.frame[0] as u32, coarse_view.frame[1] as u32);
@@ -97,6 +113,24 @@ impl SoftShadow {
             pass.set_bind_group(0, group, &[]);
             scene.draw_surfaces(context, pass);
         })
+    }
+
+    /// The first normals of the flat receivers; the others are evaluated as what is round.
+    fn fill_planes(&mut self, planes: &Planes) {
+        let terms = &mut *self.plane_terms;
+        let mut count = 0;
+        for plane in planes.prepared() {
+            let normal = plane.normal().extend(0.0).to_array();
+            if count == params::PLANES || terms.normals[..count].contains(&normal) {
+                continue;
+            }
+            terms.normals[count] = normal;
+            for (slot, [r, g, b]) in terms.weights[count].iter_mut().zip(plane.terms()) {
+                *slot = [*r, *g, *b, 0.0];
+            }
+            count += 1;
+        }
+        terms.counts[0] = count as u32;
     }
 
     fn fill(&mut self, blockers: &Blockers, transfer: &Transfer) {
@@ -121,8 +155,11 @@ impl SoftShadow {
         terms.counts[2] = directions.len() as u32;
         let solid_angle = 4.0 * std::f32::consts::PI / directions.len().max(1) as f32;
         terms.softness = [softness, least_sine, solid_angle, 0.0];
-        for (slot, [x, y, z]) in terms.directions.iter_mut().zip(directions) {
-            *slot = [*x, *y, *z, 0.0];
+        for (j, direction) in directions.iter().enumerate() {
+            let Some(four) = terms.directions.get_mut(j / 4) else { break };
+            for (row, w) in four.iter_mut().zip(direction) {
+                row[j % 4] = *w;
+            }
         }
         for (slot, mean) in terms.means.as_flattened_mut().iter_mut().zip(means) {
             *slot = *mean;
