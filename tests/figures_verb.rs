@@ -20,9 +20,9 @@ const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/desk.toml
 fn every_sheet_is_written() {
     let out = std::env::temp_dir().join(format!("halflight-figures-{}", std::process::id()));
     let folder = out.display().to_string();
-    let room = "synthetic:frames=8,size=320x240,texel_mm=4";
+    let room = "synthetic:frames=4,size=320x240,texel_mm=4";
     let (status, told, errors) =
-        figures(&[room, "--scene", SCENE, "--out", &folder, "--frame", "8", "--json"]);
+        figures(&[room, "--scene", SCENE, "--out", &folder, "--frame", "4", "--json"]);
     assert_eq!(status, 0, "{errors}");
     let told: serde_json::Value = serde_json::from_str(&told).unwrap();
     assert_eq!(told["written"].as_array().unwrap().len(), 5);

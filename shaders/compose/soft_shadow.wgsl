@@ -12,8 +12,8 @@ struct SoftTerms {
     bands_high: vec4<f32>,
     // Centres (world, metres) and radii.
     spheres: array<vec4<f32>, 64>,
-    // Unit directions.
-    directions: array<vec4<f32>, 256>,
+    // Unit directions, four by four: x of four of them, y, z.
+    directions: array<vec4<f32>, 192>,
     // Mean of y_i over the directions (0 for i = 0), four a row.
     means: array<vec4<f32>, 9>,
     // M^{L_g}, rows i, columns k <= i.
@@ -117,16 +117,28 @@ fn plane_of(normal: vec3<f32>) -> u32 {
 // The rung `directions` on a plane: no harmonics.
 fn taken_on_plane(first: u32, point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var j = 0u; j < soft.counts.z; j += 1u) {
-        let blocked = 1.0 - open(soft.directions[j].xyz, point_world, normal);
-        sum += blocked * planes.weights[first + j].xyz;
+    for (var j = 0u; j < soft.counts.z; j += 8u) {
+        let blocked = blocked_eight(j, point_world, normal);
+        for (var k = 0u; k < 4u; k += 1u) {
+            sum += blocked[0][k] * planes.weights[first + j + k].xyz;
+            sum += blocked[1][k] * planes.weights[first + j + 4u + k].xyz;
+        }
     }
     return sum;
 }
 
-// Share of direction w that is open.
-fn open(w: vec3<f32>, point_world: vec3<f32>, normal: vec3<f32>) -> f32 {
-    var v = 1.0;
+// The shares of directions j to j + 7 that are blocked (j is a multiple of 8; beyond the last direction 0): what a sphere
+// hides is found once for all eight.
+fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec4<f32>, 2> {
+    let at = 3u * (j / 4u);
+    let ax = soft.directions[at];
+    let ay = soft.directions[at + 1u];
+    let az = soft.directions[at + 2u];
+    let bx = soft.directions[at + 3u];
+    let by = soft.directions[at + 4u];
+    let bz = soft.directions[at + 5u];
+    var a = vec4<f32>(1.0);
+    var b = vec4<f32>(1.0);
     for (var s = 0u; s < soft.counts.y; s += 1u) {
         let sphere = soft.spheres[s];
         let to = sphere.xyz - point_world;
@@ -140,30 +152,45 @@ fn open(w: vec3<f32>, point_world: vec3<f32>, normal: vec3<f32>) -> f32 {
                 sine_squared = min(sphere.w * sphere.w / square, 1.0);
             }
             let slope = 1.0 / (soft.softness.x * max(sqrt(sine_squared), soft.softness.y));
-            let threshold = sqrt(1.0 - sine_squared) * slope + 0.5;
-            v *= clamp(threshold - slope * dot(axis, w), 0.0, 1.0);
+            let threshold = vec4<f32>(sqrt(1.0 - sine_squared) * slope + 0.5);
+            let along = slope * axis;
+            a *= clamp(threshold - (along.x * ax + along.y * ay + along.z * az), vec4<f32>(0.0), vec4<f32>(1.0));
+            b *= clamp(threshold - (along.x * bx + along.y * by + along.z * bz), vec4<f32>(0.0), vec4<f32>(1.0));
         }
     }
-    return v;
+    let number = vec4<u32>(j) + vec4<u32>(0u, 1u, 2u, 3u);
+    let count = vec4<u32>(soft.counts.z);
+    return array<vec4<f32>, 2>(
+        select(vec4<f32>(0.0), vec4<f32>(1.0) - a, number < count),
+        select(vec4<f32>(0.0), vec4<f32>(1.0) - b, number + vec4<u32>(4u) < count),
+    );
 }
 
 fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     var low: array<f32, 16>;
     var high: array<f32, 20>;
     var all = 0.0;
-    for (var j = 0u; j < soft.counts.z; j += 1u) {
-        let w = soft.directions[j].xyz;
-        let blocked = 1.0 - open(w, point_world, normal);
-        if blocked > 0.0 {
-            all += blocked;
-            let y = sh_low(w);
-            for (var i = 0u; i < 16u; i += 1u) {
-                low[i] += blocked * y[i];
-            }
-            if soft.counts.x > 4u {
-                let h = sh_high(w);
-                for (var i = 0u; i < 20u; i += 1u) {
-                    high[i] += blocked * h[i];
+    for (var j = 0u; j < soft.counts.z; j += 8u) {
+        var eight = blocked_eight(j, point_world, normal);
+        for (var k = 0u; k < 8u; k += 1u) {
+            let blocked = eight[k / 4u][k % 4u];
+            if blocked > 0.0 {
+                all += blocked;
+                let at = 3u * ((j + k) / 4u);
+                let w = vec3<f32>(
+                    soft.directions[at][k % 4u],
+                    soft.directions[at + 1u][k % 4u],
+                    soft.directions[at + 2u][k % 4u],
+                );
+                let y = sh_low(w);
+                for (var i = 0u; i < 16u; i += 1u) {
+                    low[i] += blocked * y[i];
+                }
+                if soft.counts.x > 4u {
+                    let h = sh_high(w);
+                    for (var i = 0u; i < 20u; i += 1u) {
+                        high[i] += blocked * h[i];
+                    }
                 }
             }
         }

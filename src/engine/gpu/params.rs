@@ -185,8 +185,8 @@ shared_struct! {
         bands_high: [f32; 4],
         /// Centres and radii, world frame, metres.
         spheres: [[f32; 4]; 64],
-        /// Unit directions.
-        directions: [[f32; 4]; 256],
+        /// Unit directions, four by four: x of four of them, y, z.
+        directions: [[[f32; 4]; 3]; 64],
         /// Means of y_i over the directions.
         means: [[f32; 4]; 9],
         /// M^{L_g}, rows i, columns k <= i.

@@ -139,7 +139,8 @@ fn mark(light: &HardLight, [x0, y0]: [usize; 2], [columns, rows]: [usize; 2], ou
     }
 }
 
-/// Depths of all shadow maps in one sheet, in their order: near white, far gray, blue where nothing is.
+/// Depths of all shadow maps in one sheet, in their order, each cut to what is in it: near white, far gray, blue where
+/// nothing is.
 pub fn maps(shadows: &ShadowMaps, size: [usize; 2], out: &mut Picture) {
     let [width, height] = size;
     out.radiance.reshape(width, height, FRAME);
@@ -156,10 +157,11 @@ pub fn maps(shadows: &ShadowMaps, size: [usize; 2], out: &mut Picture) {
         for (k, camera) in shadows.cameras().iter().enumerate() {
             let texels = camera.as_ref().map_or(0, |c| c.texels as usize);
             let depth = shadows.depth(k);
+            let square = filled(depth, texels);
             let (x0, y0) = (left + (k % columns) * (side + GAP), top + (k / columns) * (side + GAP));
             for y in 0..side {
                 for x in 0..side {
-                    let nearest = nearest(depth, texels, side, x, y);
+                    let nearest = nearest(depth, texels, square, side, [x, y]);
                     *out.radiance.at_mut(x0 + x, y0 + y) =
                         if nearest < EMPTY_DEPTH { [0.9 - 0.75 * nearest.max(0.0); 3] } else { EMPTY };
                 }
@@ -169,15 +171,40 @@ pub fn maps(shadows: &ShadowMaps, size: [usize; 2], out: &mut Picture) {
     show(out);
 }
 
-/// The least depth of the texels under a pixel of a tile.
-fn nearest(depth: &[f32], texels: usize, side: usize, x: usize, y: usize) -> f32 {
-    let span = |i: usize| {
-        let first = i * texels / side;
-        first..((i + 1) * texels / side).max(first + 1).min(texels)
+/// The square of texels that holds all that a map has drawn: its first column, first row, and side; 0 where it is empty.
+fn filled(depth: &[f32], texels: usize) -> [usize; 3] {
+    let (mut low, mut high) = ([texels; 2], [0; 2]);
+    for (i, _) in depth.iter().enumerate().filter(|(_, d)| **d < EMPTY_DEPTH) {
+        for (axis, at) in [i % texels.max(1), i / texels.max(1)].into_iter().enumerate() {
+            low[axis] = low[axis].min(at);
+            high[axis] = high[axis].max(at + 1);
+        }
+    }
+    if low[0] >= high[0] {
+        return [0; 3];
+    }
+    let side = (high[0] - low[0]).max(high[1] - low[1]);
+    // An eighth of a margin, as far as the map has it.
+    let side = (side + side / 4).min(texels);
+    let first = |axis: usize| ((low[axis] + high[axis]) / 2).saturating_sub(side / 2).min(texels - side);
+    [first(0), first(1), side]
+}
+
+/// The least depth of the texels under a pixel of a tile that shows a square of them.
+fn nearest(
+    depth: &[f32],
+    texels: usize,
+    [column, row, square]: [usize; 3],
+    side: usize,
+    at: [usize; 2],
+) -> f32 {
+    let span = |i: usize, begin: usize| {
+        let first = i * square / side;
+        begin + first..begin + ((i + 1) * square / side).max(first + 1).min(square)
     };
     let mut least = EMPTY_DEPTH;
-    for row in span(y) {
-        for column in span(x) {
+    for row in span(at[1], row) {
+        for column in span(at[0], column) {
             least = least.min(depth.get(row * texels + column).copied().unwrap_or(EMPTY_DEPTH));
         }
     }

@@ -155,8 +155,11 @@ impl SoftShadow {
         terms.counts[2] = directions.len() as u32;
         let solid_angle = 4.0 * std::f32::consts::PI / directions.len().max(1) as f32;
         terms.softness = [softness, least_sine, solid_angle, 0.0];
-        for (slot, [x, y, z]) in terms.directions.iter_mut().zip(directions) {
-            *slot = [*x, *y, *z, 0.0];
+        for (j, direction) in directions.iter().enumerate() {
+            let Some(four) = terms.directions.get_mut(j / 4) else { break };
+            for (row, w) in four.iter_mut().zip(direction) {
+                row[j % 4] = *w;
+            }
         }
         for (slot, mean) in terms.means.as_flattened_mut().iter_mut().zip(means) {
             *slot = *mean;
