@@ -1,4 +1,5 @@
 //! Files of the shared data, read whole.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

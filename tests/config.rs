@@ -1,4 +1,5 @@
 //! The settings manual is true, and no settings file makes the program panic.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 use halflight::config::{Settings, file, keys, resolve};
 use proptest::prelude::*;

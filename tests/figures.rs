@@ -1,4 +1,5 @@
 //! Skinned models through time: known poses, sound clips, and what is wrong with a file is said.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

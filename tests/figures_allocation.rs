@@ -1,4 +1,5 @@
 //! Posing a scene allocates nothing in steady state.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 #[path = "support/sys.rs"]

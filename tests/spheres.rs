@@ -1,4 +1,5 @@
 //! Spheres of real models: how well they stand for them, that they repeat, and that a damaged cache is not trusted.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

@@ -1,5 +1,6 @@
 //! The project's own figure: made by code, kept as `tests/scenes/walker.glb`, and walking without sliding.
 //! `UPDATE_EXPECT=1 cargo test --test walker` writes the file anew.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 use glam::Vec3;
 use halflight::animate::posed::Posed;

@@ -22,6 +22,8 @@ pub const EDGE_TEXELS: f32 = 5.0;
 pub const MAX_BIAS_TEXELS: f32 = 64.0;
 /// Added to every bias, texels: a receiver that faces the light has none, but its depth and the map's are rounded apart.
 pub const ROUNDING_TEXELS: f32 = 0.1;
+/// Texels across the casters at least, however wide the light.
+const LEAST_ACROSS: f64 = 96.0;
 /// Depth of an empty texel. Depths of casters are below 1.
 pub const EMPTY_DEPTH: f32 = 1.0;
 /// Vertices are snapped to this fraction of a texel, so that neighbours leave no gaps.
@@ -83,7 +85,10 @@ impl ShadowCamera {
         }
         let size = high - low;
         let usable = f64::from(texels) - 2.0 * f64::from(EDGE_TEXELS) - 1.0;
-        let tight = (size.x.max(size.y) / usable).max(f64::from(texel_of_depth) * size.z).max(1e-6);
+        let across = size.x.max(size.y);
+        // Wide lights in few maps: the casters' shapes stay recognisable.
+        let wide = (f64::from(texel_of_depth) * size.z).min(across / LEAST_ACROSS);
+        let tight = (across / usable).max(wide).max(1e-6);
         let texel = ((tight.log2() * 8.0).ceil() / 8.0).exp2();
         let corner_x = ((low.x / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
         let corner_y = ((low.y / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
