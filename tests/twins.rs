@@ -302,7 +302,7 @@ fn allowed(own: Option<Pass>, samples: u32, distorted: bool) -> Difference {
     // 2.5 pixels a triangle, that is every pixel, and the mirror and the highlight change quickly there. Bent
     // edges are drawn as short straight ones.
     let shade_object = match samples {
-        4 => Difference { radiance: 0.14, bytes: 0.09, beyond_one: 0.035, mean: 0.4 },
+        4 => Difference { radiance: 0.14, bytes: 0.09, beyond_one: 0.02, mean: 0.18 },
         _ if distorted => Difference { radiance: 0.015, bytes: 0.02, beyond_one: 4e-4, mean: 0.02 },
         _ => Difference { radiance: 1e-3, bytes: 0.015, beyond_one: 2e-4, mean: 0.01 },
     };
