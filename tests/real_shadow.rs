@@ -146,7 +146,8 @@ fn the_shadow_on_the_pouf_is_the_balls() {
     assert!(found > 0.7 && many.0 > 0.8, "correlation {found}, {}", many.0);
     assert!(paper.0 < 0.6 * found && none.0 < 0.6 * found, "{} {}", paper.0, none.0);
     assert!(rmse < 0.065 && rmse < 0.8 * paper.1 && rmse < 0.8 * none.1, "RMSE {rmse}");
-    // The shadow is there, and nowhere else. It is half as deep as the real one (0.89 for 0.80): lamps that are saturated
-    // in the shortest photograph of the ball are only known from below.
+    // The shadow is there, and nowhere else. It is half as deep as the real one (0.89 for 0.80). Lamps saturated in the
+    // shortest photograph are only known from below, and the glass under the ball throws a shadow of its own; a response
+    // solved from the pictures in place of sRGB changes nothing (0.90).
     assert!(core.0 < 0.92 && open.0 > 0.96, "{core:?} {open:?}");
 }
