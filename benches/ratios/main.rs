@@ -2,6 +2,7 @@
 
 mod blockers;
 mod frame;
+mod growth;
 mod merge_bracket;
 mod opencv;
 mod project_sh;
@@ -10,5 +11,6 @@ fn main() {
     merge_bracket::run();
     project_sh::run();
     blockers::run();
+    growth::run();
     frame::run();
 }
