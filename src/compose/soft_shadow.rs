@@ -6,7 +6,7 @@
 use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};
 use crate::visibility::{
-    blockers::{Blockers, Plane},
+    blockers::{Blockers, LANES, Plane},
     shadow_maps::ShadowMaps,
 };
 use glam::Vec3;
@@ -242,6 +242,62 @@ pub fn taken(
     }
     let (left, whole) = blockers.shade(point_world, normal, None, &transfer.of_normal(normal));
     std::array::from_fn(|c| whole[c] - left[c])
+}
+
+/// What a pixel of the coarse picture sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CoarsePoint {
+    /// World frame, metres.
+    pub point_world: Vec3,
+    /// Unit, world frame, on the seen side.
+    pub normal: Vec3,
+    /// 0: nothing there.
+    pub inverse_depth: f32,
+    /// The surface's triangle, where shadows fall on it.
+    pub receiver: Option<u32>,
+}
+
+/// What is taken (r, g, b) and the inverse depth (a) for some pixels of the coarse picture. Neighbours on one plane are
+/// evaluated together, as many as the blockers take side by side; the result is that of [`taken`] for each.
+pub fn taken_in_row(
+    blockers: &Blockers,
+    transfer: &Transfer,
+    planes: &Planes,
+    row: &[CoarsePoint],
+    out: &mut [[f32; 4]],
+) {
+    let mut first = 0;
+    while first < row.len().min(out.len()) {
+        let CoarsePoint { point_world, normal, inverse_depth, receiver } = row[first];
+        out[first] = [0.0, 0.0, 0.0, inverse_depth];
+        let Some(triangle) = receiver else {
+            first += 1;
+            continue;
+        };
+        let Some(plane) = planes.of(triangle as usize, normal) else {
+            let [r, g, b] = taken(blockers, transfer, None, point_world, normal);
+            out[first] = [r, g, b, inverse_depth];
+            first += 1;
+            continue;
+        };
+        let (mut points, mut count) = ([Vec3::ZERO; LANES], 0);
+        for other in row[first..].iter().take(LANES) {
+            let of = other.receiver.and_then(|t| planes.of(t as usize, other.normal));
+            if !of.is_some_and(|of| std::ptr::eq(of, plane)) {
+                break;
+            }
+            points[count] = other.point_world;
+            count += 1;
+        }
+        let mut left = [[0.0f32; 3]; LANES];
+        blockers.shade_plane(plane, &points[..count], &mut left[..count]);
+        let whole = plane.unblocked();
+        for ((out, point), left) in out[first..].iter_mut().zip(&row[first..]).zip(&left[..count]) {
+            let [r, g, b] = std::array::from_fn(|c| whole[c] - left[c]);
+            *out = [r, g, b, point.inverse_depth];
+        }
+        first += count;
+    }
 }
 
 /// What is carried up from a coarse picture to a pixel of the fine one: the bilinear mean of those of its four neighbours

@@ -15,7 +15,7 @@ use crate::compose::{
     reflected::Reflected,
     shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
-    soft_shadow::{self, Planes, Transfer},
+    soft_shadow::{self, CoarsePoint, Planes, Transfer},
     tonemap::ToneTable,
     transferred::Transferred,
 };
@@ -63,6 +63,7 @@ pub(super) struct Work {
     pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
+    coarse: Image<CoarsePoint>,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
     pub(super) soft: Image<[f32; 4]>,
     pub(super) object_layer: Image<[f32; 4]>,
@@ -217,25 +218,27 @@ impl Work {
         self.coarse_surfaces.prepare(&self.coarse_rays, view, &surfaces.positions, &surfaces.triangles);
         let (blockers, transfer, planes) = (&self.blockers, &self.transfer, &self.planes);
         let forward = view.world_from_camera.z_axis;
-        let shade = |fragment: &Fragment| {
-            let inverse_depth = 1.0 / forward.dot(fragment.point_world - view.eye);
-            if !surfaces.receives[fragment.triangle] {
-                return [0.0, 0.0, 0.0, inverse_depth];
-            }
-            let (normal, _) = surface_normals(surfaces, fragment);
-            let plane = planes.of(fragment.triangle, normal);
-            let [r, g, b] = soft_shadow::taken(blockers, transfer, plane, fragment.point_world, normal);
-            [r, g, b, inverse_depth]
+        let see = |fragment: &Fragment| CoarsePoint {
+            point_world: fragment.point_world,
+            normal: surface_normals(surfaces, fragment).0,
+            inverse_depth: 1.0 / forward.dot(fragment.point_world - view.eye),
+            receiver: surfaces.receives[fragment.triangle].then_some(fragment.triangle as u32),
         };
         raster::draw_surfaces(
             &self.coarse_rays,
             view,
             &self.coarse_surfaces,
-            [0.0; 4],
-            shade,
+            CoarsePoint::default(),
+            see,
             &mut self.samples,
-            &mut self.soft,
+            &mut self.coarse,
         );
+        let (width, height) = (self.coarse.width(), self.coarse.height());
+        self.soft.reshape(width, height, [0.0; 4]);
+        let rows = self.soft.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(self.coarse.pixels().par_chunks(width.max(1))).for_each(|(out, row)| {
+            soft_shadow::taken_in_row(blockers, transfer, planes, row, out);
+        });
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
