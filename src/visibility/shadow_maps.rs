@@ -163,6 +163,25 @@ pub fn lit(map: &[f32], texels: u32, taps: u32, x: f32, y: f32, depth: f32) -> f
     let (fx, fy) = (x - half - left, y - half - top);
     let (left, top) = (left as i32, top as i32);
     let (mut sum, mut all) = (0.0, 0.0);
+    let size = texels as usize;
+    let (reach_x, reach_y) = (left + side as i32, top + side as i32);
+    if left >= 0 && top >= 0 && reach_x < texels as i32 && reach_y < texels as i32 && side < 8 {
+        // The usual case, all taps inside: the same sums in the same order.
+        let mut weights_x = [0.0f32; 8];
+        for (i, weight) in weights_x.iter_mut().enumerate().take(side as usize + 1) {
+            *weight = tap_weight(i as u32, side, fx);
+        }
+        for j in 0..=side {
+            let weight_y = tap_weight(j, side, fy);
+            let start = (top as usize + j as usize) * size + left as usize;
+            for (stored, weight_x) in map[start..=start + side as usize].iter().zip(weights_x) {
+                let weight = weight_x * weight_y;
+                all += weight;
+                sum += if reference <= *stored { weight } else { 0.0 };
+            }
+        }
+        return sum / all;
+    }
     for j in 0..=side {
         let row = top + j as i32;
         let weight_y = tap_weight(j, side, fy);
