@@ -45,8 +45,8 @@ pub struct SurfaceFrame<'a> {
 
 /// The ratio at a point of a receiving surface (world frame); `normal` and `facet_normal` are unit, on the seen
 /// side; `soft_taken` is what the soft half loses there (irradiance / pi); `whole_rgb` is [`whole`] of the normal where it
-/// is known; `hard` says whether hard shadows may fall there. A facet turned away from a light is in its full shadow; a normal turned away gets none of its light, and
-/// nothing can be taken from it.
+/// is known; `hard` says whether hard shadows may fall there. A facet turned away from a light is in its full shadow; a
+/// normal turned away gets none of its light, and nothing can be taken from it.
 pub fn at(
     frame: &SurfaceFrame<'_>,
     point_world: Vec3,

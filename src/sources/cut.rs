@@ -73,8 +73,8 @@ impl Cutter {
     pub fn cut(&mut self, leaves: &[Leaf], count: usize) -> &[Representative] {
         self.leaves.clear();
         self.leaves.extend(leaves.iter().filter(|l| l.at.is_finite() && weight(l) > 0.0));
-        // Stable: leaves of one root stay in the caller's order.
-        self.leaves.sort_by_key(|l| l.root);
+        // Unstable sorts allocate nothing, and equal input still gives equal order.
+        self.leaves.sort_unstable_by_key(|l| l.root);
         self.nodes.clear();
         let mut start = 0;
         while start < self.leaves.len() {
@@ -84,7 +84,9 @@ impl Cutter {
             start = end;
         }
         if self.nodes.len() > count {
-            self.nodes.sort_by(|a, b| luminous(&b.made).total_cmp(&luminous(&a.made)));
+            self.nodes.sort_unstable_by(|a, b| {
+                luminous(&b.made).total_cmp(&luminous(&a.made)).then(a.start.cmp(&b.start))
+            });
             self.nodes.truncate(count);
         }
         while self.nodes.len() < count {
@@ -103,7 +105,7 @@ impl Cutter {
             self.nodes[index] = examine(&self.leaves, node.start, middle);
             self.nodes.push(examine(&self.leaves, middle, node.end));
         }
-        self.nodes.sort_by_key(|n| n.start);
+        self.nodes.sort_unstable_by_key(|n| n.start);
         self.made.clear();
         self.made.extend(self.nodes.iter().map(|n| n.made));
         &self.made
