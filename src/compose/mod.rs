@@ -1,5 +1,6 @@
 //! Light onto surfaces, and virtual onto real.
 
+pub mod carried;
 pub mod composite;
 pub mod geometry;
 pub mod raster;

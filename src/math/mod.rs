@@ -11,3 +11,4 @@ pub mod quadrature;
 pub mod sh;
 pub mod solve;
 pub mod sphere;
+pub mod widest;
