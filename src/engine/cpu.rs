@@ -2,6 +2,7 @@
 
 mod check;
 mod fragments;
+mod soft;
 
 pub(super) use check::{check, check_light};
 pub(super) use fragments::coarse_lens;
@@ -15,6 +16,7 @@ use crate::compose::{
     reflected::Reflected,
     shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
+    soft_grid::SoftGrid,
     soft_shadow::{self, CoarsePoint, Planes, Transfer},
     tonemap::ToneTable,
     transferred::{Transferred, VertexFrame},
@@ -66,6 +68,7 @@ pub(super) struct Work {
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     coarse: Image<CoarsePoint>,
+    pub(super) grid: SoftGrid,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
     pub(super) soft: Image<[f32; 4]>,
     pub(super) object_layer: Image<[f32; 4]>,
@@ -193,55 +196,6 @@ impl Work {
         }
         self.moved |= moved;
         moved
-    }
-
-    /// Takes over the spheres and the light of a frame.
-    pub(super) fn prepare_blockers(
-        &mut self,
-        input: &RelightInput<'_>,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.transfer.update(light);
-        let spheres = input.posed.map_or(&[][..], Posed::spheres);
-        self.blockers.prepare(spheres, quality.rung, light.order, quality.directions);
-        self.planes.prepare(&self.blockers, &self.transfer);
-        self.coarse_rays.update(&coarse_lens(input.lens, quality.soft_step_px), 1);
-    }
-
-    pub(super) fn soft_shadow(
-        &mut self,
-        input: &RelightInput<'_>,
-        view: &View,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.prepare_blockers(input, light, quality);
-        let surfaces = &self.surfaces;
-        self.coarse_surfaces.prepare(&self.coarse_rays, view, &surfaces.positions, &surfaces.triangles);
-        let (blockers, transfer, planes) = (&self.blockers, &self.transfer, &self.planes);
-        let forward = view.world_from_camera.z_axis;
-        let see = |fragment: &Fragment| CoarsePoint {
-            point_world: fragment.point_world,
-            normal: surface_normals(surfaces, fragment).0,
-            inverse_depth: 1.0 / forward.dot(fragment.point_world - view.eye),
-            receiver: surfaces.receives[fragment.triangle].then_some(fragment.triangle as u32),
-        };
-        raster::draw_surfaces(
-            &self.coarse_rays,
-            view,
-            &self.coarse_surfaces,
-            CoarsePoint::default(),
-            see,
-            &mut self.samples,
-            &mut self.coarse,
-        );
-        let (width, height) = (self.coarse.width(), self.coarse.height());
-        self.soft.reshape(width, height, [0.0; 4]);
-        let rows = self.soft.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(self.coarse.pixels().par_chunks(width.max(1))).for_each(|(out, row)| {
-            soft_shadow::taken_in_row(blockers, transfer, planes, row, out);
-        });
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
