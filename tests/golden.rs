@@ -299,7 +299,7 @@ const WHERE: [(&str, Option<&str>); 28] = [
     ("ab", Some("tests/golden_blockers.rs")),
     ("dirs", Some("tests/golden_blockers.rs")),
     ("exp", Some("tests/golden_blockers.rs")),
-    ("ff", None),
+    ("ff", Some("tests/golden_near.rs")),
     ("fig3", None),
     ("guard", Some("tests/golden_blockers.rs")),
     ("ladder", Some("tests/golden_blockers.rs")),

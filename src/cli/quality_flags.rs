@@ -29,8 +29,8 @@ pub struct QualityFlags {
     /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
     #[arg(long, value_name = "N")]
     pub soft_step_px: Option<i64>,
-    /// The shadow of what never moves on itself in soft light: openness, or transfer (precomputed with rays and kept in
-    /// the cache folder) [default: openness].
+    /// The shadow of what never moves on itself in soft light, matt and glossy: openness, or transfer (precomputed with
+    /// rays and kept in the cache folder) [default: transfer].
     #[arg(long, value_name = "KIND")]
     pub self_shadow: Option<String>,
     /// How glossy lobes are scaled: energy-safe or paper [default: energy-safe].
@@ -92,7 +92,7 @@ mod tests {
             rung: Some("hybrid".into()),
             directions: Some(256),
             soft_step_px: Some(2),
-            self_shadow: Some("transfer".into()),
+            self_shadow: Some("openness".into()),
             phong_norm: Some("paper".into()),
             shadow_maps: Some(3),
             shadow_map_texels: Some(512),

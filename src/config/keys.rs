@@ -336,7 +336,7 @@ pub const KEYS: &[Key] = &[
         "quality.self_shadow",
         "",
         Range::Choice(&SelfShadow::NAMES),
-        "The shadow of what never moves on itself and its like in soft light: by the share of the hemisphere that each vertex leaves open, or by transfer precomputed with rays (kept in the cache folder; 32 bytes a vertex at order 4). Gloss and what moves use the openness.",
+        "The shadow of what never moves on itself and its like in soft light: by the share of the hemisphere that each vertex leaves open, or by transfer precomputed with rays (kept in the cache folder; 32 bytes a vertex at order 4, twice that where it is glossy). What moves uses the openness.",
         |s| word(s.quality.self_shadow.name()),
         |s, v| s.quality.self_shadow = SelfShadow::from_name(&text(v)).unwrap_or_default()
     ),

@@ -17,7 +17,7 @@ use crate::compose::{
     shade_surface::{self, SurfaceFrame},
     soft_shadow::{self, CoarsePoint, Planes, Transfer},
     tonemap::ToneTable,
-    transferred::Transferred,
+    transferred::{Transferred, VertexFrame},
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -58,6 +58,8 @@ pub(super) struct Work {
     pub(super) shadows: ShadowMaps,
     pub(super) reflected: Reflected,
     pub(super) transferred: Transferred,
+    /// Whether objects have moved since `transferred` looked.
+    moved: bool,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
     pub(super) planes: Planes,
@@ -189,6 +191,7 @@ impl Work {
             self.objects.pose(index, &object.positions_world, &object.normals_world);
             moved = true;
         }
+        self.moved |= moved;
         moved
     }
 
@@ -305,10 +308,31 @@ impl Work {
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 
-    /// Takes over what mirrors see of a frame.
-    pub(super) fn prepare_reflected(&mut self, input: &RelightInput<'_>) {
+    /// Takes over what mirrors see of a frame, and finds the soft light at the vertices of objects.
+    pub(super) fn prepare_vertices(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
         let spheres = input.posed.map_or(&[][..], Posed::spheres);
         self.reflected.prepare(spheres, &self.objects);
+        self.transferred.update(&VertexFrame {
+            light,
+            objects: &self.objects,
+            moved: self.moved,
+            spheres,
+            eye_world: view.eye,
+            surroundings: Surroundings::new(
+                input.environment,
+                &self.reflected,
+                quality.phong_norm,
+                light.order,
+            ),
+            quality,
+        });
+        self.moved = false;
     }
 
     pub(super) fn shade_object(
@@ -319,9 +343,8 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        self.prepare_reflected(input);
-        self.transferred.update(light, quality.self_shadow);
-        let transferred = self.transferred.rgb();
+        self.prepare_vertices(input, view, light, quality);
+        let transferred = &self.transferred;
         let (objects, shadows) = (&self.objects, &self.shadows);
         let surroundings =
             Surroundings::new(input.environment, &self.reflected, quality.phong_norm, light.order);

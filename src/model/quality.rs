@@ -41,9 +41,9 @@ impl SplitKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SelfShadow {
     /// The soft light times the share of the hemisphere that each vertex leaves open.
-    #[default]
     Openness,
     /// By precomputed transfer, where the object never moves; else by its openness.
+    #[default]
     Transfer,
 }
 
@@ -108,7 +108,7 @@ impl Default for Quality {
             dering: false,
             shadow_maps: 8,
             sh_order: 4,
-            self_shadow: SelfShadow::Openness,
+            self_shadow: SelfShadow::Transfer,
             phong_norm: PhongNorm::EnergySafe,
             shadow_map_texels: 1024,
             pcf_taps: 4,

@@ -19,6 +19,7 @@ use super::{
     params::{MaterialTerms, ObjectVertex, SurfaceVertex},
 };
 use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
+use crate::compose::transferred::Transferred;
 
 /// Bytes from one material to the next: the largest alignment that a device may ask for.
 pub const MATERIAL_STRIDE: usize = 256;
@@ -136,7 +137,7 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
-        soft: &[[f32; 4]],
+        soft: &Transferred,
         surfaces: &SurfaceGeometry,
         cut: Option<Cut>,
     ) {
@@ -159,7 +160,7 @@ impl SceneBuffers {
         self.uploaded = Some(cut);
     }
 
-    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry, soft: &[[f32; 4]]) {
+    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry, soft: &Transferred) {
         for range in &self.moved {
             let vertices = &mut self.vertices;
             vertices.clear();
@@ -176,7 +177,7 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
-        soft: &[[f32; 4]],
+        soft: &Transferred,
         cut: Option<Cut>,
     ) {
         let mut vertices = std::mem::take(&mut self.vertices);
@@ -293,19 +294,18 @@ impl SceneBuffers {
     }
 }
 
-/// Vertices of a range as the device has them; `soft`: one for each vertex.
+/// Vertices of a range as the device has them.
 fn object_vertices<'a>(
     objects: &'a ObjectGeometry,
-    soft: &'a [[f32; 4]],
+    soft: &'a Transferred,
     range: Range<usize>,
 ) -> impl Iterator<Item = ObjectVertex> + use<'a> {
     let points = objects.positions[range.clone()].iter().zip(&objects.normals[range.clone()]);
-    let answers = objects.tint_openness[range.clone()].iter().zip(&soft[range]);
-    points.zip(answers).map(|((position, normal), (&tint_openness, &soft))| ObjectVertex {
-        position: position.to_array(),
-        normal: normal.to_array(),
-        tint_openness,
-        soft,
+    let answers = soft.soft()[range.clone()].iter().zip(&soft.gloss()[range.clone()]);
+    let answers = objects.tint_openness[range].iter().zip(answers);
+    points.zip(answers).map(|((position, normal), (&tint_openness, (&soft, &gloss)))| {
+        let (position, normal) = (position.to_array(), normal.to_array());
+        ObjectVertex { position, normal, tint_openness, soft, gloss }
     })
 }
 
@@ -340,6 +340,7 @@ impl Halve for ObjectVertex {
             normal: mean(self.normal, other.normal),
             tint_openness: mean(self.tint_openness, other.tint_openness),
             soft: mean(self.soft, other.soft),
+            gloss: mean(self.gloss, other.gloss),
         }
     }
 }
