@@ -274,7 +274,7 @@ const GROUPS: [(&str, Check, Check); 11] = [
 #[test]
 fn golden_numbers() {
     let Some(shared) = support::shared("golden_numbers") else { return };
-    golden::run(&shared, &GROUPS);
+    golden::run(&shared, &GROUPS, &[]);
 }
 
 /// Every group of the file, and the test file that runs it.

@@ -207,6 +207,7 @@ fn blockers_match_the_golden_numbers() {
             ("guard", guarded::<f64>, guarded::<f32>),
             ("overlap", overlap::<f64>, overlap::<f32>),
         ],
+        &[],
     );
 }
 

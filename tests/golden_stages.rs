@@ -214,6 +214,7 @@ fn golden_stages() {
             ("shade", shading::<f64>, shading::<f32>),
             ("hdr", merging::<f64>, merging::<f32>),
         ],
+        &[],
     );
     golden::run_f32(&shared, &[("shade", shading_kernel), ("project", projection_kernel)]);
 }

@@ -165,7 +165,7 @@ fn tag_poses<T: Precision>(entry: &Entry) {
 #[test]
 fn golden_tag_poses() {
     let Some(shared) = support::shared("golden_tag_poses") else { return };
-    golden::run(&shared, &[("tagpose", tag_poses::<f64>, tag_poses::<f32>)]);
+    golden::run(&shared, &[("tagpose", tag_poses::<f64>, tag_poses::<f32>)], &[]);
 }
 
 fn any_lens() -> impl Strategy<Value = Lens> {
