@@ -26,11 +26,14 @@ pub struct QualityFlags {
     /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
     #[arg(long, value_name = "N")]
     pub directions: Option<i64>,
+    /// Where soft shadows on real surfaces are evaluated: pixel or vertex [default: pixel].
+    #[arg(long, value_name = "WHERE")]
+    pub soft_at: Option<String>,
     /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
     #[arg(long, value_name = "N")]
     pub soft_step_px: Option<i64>,
-    /// The shadow of what never moves on itself in soft light: openness, or transfer (precomputed with rays and kept in
-    /// the cache folder) [default: openness].
+    /// The shadow of what never moves on itself in soft light, matt and glossy: openness, or transfer (precomputed with
+    /// rays and kept in the cache folder) [default: transfer].
     #[arg(long, value_name = "KIND")]
     pub self_shadow: Option<String>,
     /// How glossy lobes are scaled: energy-safe or paper [default: energy-safe].
@@ -58,6 +61,7 @@ impl QualityFlags {
             ("--dering", "light.dering", self.dering.then_some(Value::Boolean(true))),
             ("--rung", "quality.rung", word(&self.rung)),
             ("--directions", "quality.directions", whole(self.directions)),
+            ("--soft-at", "quality.soft_at", word(&self.soft_at)),
             ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
             ("--self-shadow", "quality.self_shadow", word(&self.self_shadow)),
             ("--phong-norm", "quality.phong_norm", word(&self.phong_norm)),
@@ -91,8 +95,9 @@ mod tests {
             dering: true,
             rung: Some("hybrid".into()),
             directions: Some(256),
+            soft_at: Some("vertex".into()),
             soft_step_px: Some(2),
-            self_shadow: Some("transfer".into()),
+            self_shadow: Some("openness".into()),
             phong_norm: Some("paper".into()),
             shadow_maps: Some(3),
             shadow_map_texels: Some(512),
@@ -105,6 +110,7 @@ mod tests {
         assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert!(quality.dering && !before.dering);
+        assert!(quality.soft_at != before.soft_at);
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }

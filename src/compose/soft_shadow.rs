@@ -83,10 +83,15 @@ impl Transfer {
     pub fn of_normal(&self, normal: Vec3) -> [[f32; 3]; MAX_COEFFICIENTS] {
         let mut lobe = [0.0f32; MAX_COEFFICIENTS];
         basis::evaluate(self.order, normal.to_array(), &mut lobe);
-        let count = self.order * self.order;
         for l in 0..self.order {
             lobe[l * l..(l + 1) * (l + 1)].iter_mut().for_each(|y| *y *= self.bands[l]);
         }
+        self.of_lobe(&lobe)
+    }
+
+    /// M^{L_g} f of any function f by its coefficients: sum of t_i V_i is the integral of L_g f V, cut to the order.
+    pub fn of_lobe(&self, lobe: &[f32; MAX_COEFFICIENTS]) -> [[f32; 3]; MAX_COEFFICIENTS] {
+        let count = self.order * self.order;
         let mut row = [[0.0f32; 3]; MAX_COEFFICIENTS];
         for (out, matrix) in row.iter_mut().zip(self.matrix_rgb.chunks(count.max(1))) {
             for (m, f) in matrix.iter().zip(lobe) {

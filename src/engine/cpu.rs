@@ -2,6 +2,7 @@
 
 mod check;
 mod fragments;
+mod soft;
 
 pub(super) use check::{check, check_light};
 pub(super) use fragments::coarse_lens;
@@ -16,9 +17,10 @@ use crate::compose::{
     reflected::Reflected,
     shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
+    soft_grid::SoftGrid,
     soft_shadow::{self, CoarsePoint, Planes, Transfer},
     tonemap::ToneTable,
-    transferred::Transferred,
+    transferred::{Transferred, VertexFrame},
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -64,12 +66,15 @@ pub(super) struct Work {
     pub(super) shadows: ShadowMaps,
     pub(super) reflected: Reflected,
     pub(super) transferred: Transferred,
+    /// Whether objects have moved since `transferred` looked.
+    moved: bool,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
     pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     coarse: Image<CoarsePoint>,
+    pub(super) grid: SoftGrid,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
     pub(super) soft: Image<[f32; 4]>,
     pub(super) object_layer: Image<[f32; 4]>,
@@ -196,56 +201,8 @@ impl Work {
             self.objects.pose(index, &object.positions_world, &object.normals_world);
             moved = true;
         }
+        self.moved |= moved;
         moved
-    }
-
-    /// Takes over the spheres and the light of a frame.
-    pub(super) fn prepare_blockers(
-        &mut self,
-        input: &RelightInput<'_>,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.transfer.update(light);
-        let spheres = input.posed.map_or(&[][..], Posed::spheres);
-        self.blockers.prepare(spheres, quality.rung, light.order, quality.directions);
-        self.planes.prepare(&self.blockers, &self.transfer);
-        self.coarse_rays.update(&coarse_lens(input.lens, quality.soft_step_px), 1);
-    }
-
-    pub(super) fn soft_shadow(
-        &mut self,
-        input: &RelightInput<'_>,
-        view: &View,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.prepare_blockers(input, light, quality);
-        let surfaces = &self.surfaces;
-        self.coarse_surfaces.prepare(&self.coarse_rays, view, &surfaces.positions, &surfaces.triangles);
-        let (blockers, transfer, planes) = (&self.blockers, &self.transfer, &self.planes);
-        let forward = view.world_from_camera.z_axis;
-        let see = |fragment: &Fragment| CoarsePoint {
-            point_world: fragment.point_world,
-            normal: surface_normals(surfaces, fragment).0,
-            inverse_depth: 1.0 / forward.dot(fragment.point_world - view.eye),
-            receiver: surfaces.receives[fragment.triangle].then_some(fragment.triangle as u32),
-        };
-        raster::draw_surfaces(
-            &self.coarse_rays,
-            view,
-            &self.coarse_surfaces,
-            CoarsePoint::default(),
-            see,
-            &mut self.samples,
-            &mut self.coarse,
-        );
-        let (width, height) = (self.coarse.width(), self.coarse.height());
-        self.soft.reshape(width, height, [0.0; 4]);
-        let rows = self.soft.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(self.coarse.pixels().par_chunks(width.max(1))).for_each(|(out, row)| {
-            soft_shadow::taken_in_row(blockers, transfer, planes, row, out);
-        });
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
@@ -312,10 +269,31 @@ impl Work {
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 
-    /// Takes over what mirrors see of a frame.
-    pub(super) fn prepare_reflected(&mut self, input: &RelightInput<'_>) {
+    /// Takes over what mirrors see of a frame, and finds the soft light at the vertices of objects.
+    pub(super) fn prepare_vertices(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
         let spheres = input.posed.map_or(&[][..], Posed::spheres);
         self.reflected.prepare(spheres, &self.objects);
+        self.transferred.update(&VertexFrame {
+            light,
+            objects: &self.objects,
+            moved: self.moved,
+            spheres,
+            eye_world: view.eye,
+            surroundings: Surroundings::new(
+                input.environment,
+                &self.reflected,
+                quality.phong_norm,
+                light.order,
+            ),
+            quality,
+        });
+        self.moved = false;
     }
 
     pub(super) fn shade_object(
@@ -326,9 +304,8 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        self.prepare_reflected(input);
-        self.transferred.update(light, quality.self_shadow);
-        let transferred = self.transferred.rgb();
+        self.prepare_vertices(input, view, light, quality);
+        let transferred = &self.transferred;
         let (objects, shadows) = (&self.objects, &self.shadows);
         let surroundings =
             Surroundings::new(input.environment, &self.reflected, quality.phong_norm, light.order);
