@@ -4,6 +4,7 @@ mod blockers;
 mod frame;
 mod growth;
 mod merge_bracket;
+mod nearfield;
 mod opencv;
 mod project_sh;
 
@@ -12,5 +13,6 @@ fn main() {
     project_sh::run();
     blockers::run();
     growth::run();
+    nearfield::run();
     frame::run();
 }
