@@ -116,7 +116,7 @@ pub fn of_scene(
         light.global.order
     ));
     let mut scene = file.scene.clone();
-    blocker_spheres::fit(&mut scene);
+    blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
     let (background, exposure_s) = match &place {
         Some(loaded) => {
