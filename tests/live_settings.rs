@@ -125,6 +125,7 @@ fn a_changed_key_acts_as_if_it_had_been_there_from_the_start() {
         "quality.spheres = 6",
         "quality.directions = 32",
         "quality.soft_step_px = 1",
+        "quality.soft_at = \"vertex\"",
         "quality.shadow_maps = 2",
         "quality.shadow_map_texels = 96",
         "quality.pcf_taps = 8",

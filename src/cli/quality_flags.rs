@@ -32,6 +32,9 @@ pub struct QualityFlags {
     /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
     #[arg(long, value_name = "N")]
     pub directions: Option<i64>,
+    /// Where soft shadows on real surfaces are evaluated: pixel or vertex [default: pixel].
+    #[arg(long, value_name = "WHERE")]
+    pub soft_at: Option<String>,
     /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
     #[arg(long, value_name = "N")]
     pub soft_step_px: Option<i64>,
@@ -66,6 +69,7 @@ impl QualityFlags {
             ("--rung", "quality.rung", word(&self.rung)),
             ("--spheres", "quality.spheres", whole(self.spheres)),
             ("--directions", "quality.directions", whole(self.directions)),
+            ("--soft-at", "quality.soft_at", word(&self.soft_at)),
             ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
             ("--self-shadow", "quality.self_shadow", word(&self.self_shadow)),
             ("--phong-norm", "quality.phong_norm", word(&self.phong_norm)),
@@ -101,6 +105,7 @@ mod tests {
             rung: Some("hybrid".into()),
             spheres: Some(12),
             directions: Some(256),
+            soft_at: Some("vertex".into()),
             soft_step_px: Some(2),
             self_shadow: Some("openness".into()),
             phong_norm: Some("paper".into()),
@@ -116,6 +121,7 @@ mod tests {
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);
+        assert!(quality.soft_at != before.soft_at);
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }

@@ -5,7 +5,7 @@ use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
     picture::PictureView,
-    quality::{SelfShadow, SplitKind},
+    quality::{SelfShadow, SoftAt, SplitKind},
 };
 use toml::Value;
 
@@ -381,10 +381,18 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.directions = integer(v) as usize
     ),
     key!(
+        "quality.soft_at",
+        "",
+        Range::Choice(&SoftAt::NAMES),
+        "Where soft shadows on real surfaces are evaluated: for pixels, or at the vertices of the surfaces, which are cut as finely as the shadow asks, and interpolated.",
+        |s| word(s.quality.soft_at.name()),
+        |s, v| s.quality.soft_at = SoftAt::from_name(&text(v)).unwrap_or_default()
+    ),
+    key!(
         "quality.soft_step_px",
         "px",
         Range::IntegerChoice(&[1, 2, 4]),
-        "Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row, and carried up along the surface.",
+        "Soft shadows on real surfaces are drawn on every n-th pixel of every n-th row, and carried up along the surface.",
         |s| Value::Integer(i64::from(s.quality.soft_step_px)),
         |s, v| s.quality.soft_step_px = integer(v) as u32
     ),

@@ -15,3 +15,4 @@ pub mod sh;
 pub mod solve;
 pub mod sphere;
 pub mod vector;
+pub mod widest;

@@ -65,6 +65,34 @@ impl SelfShadow {
     }
 }
 
+/// Where soft shadows on real surfaces are evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SoftAt {
+    /// For pixels, each or one of several (`Quality::soft_step_px`).
+    #[default]
+    Pixel,
+    /// At the vertices of the surfaces, cut as finely as the shadow asks, and interpolated between them.
+    Vertex,
+}
+
+impl SoftAt {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["pixel", "vertex"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pixel => "pixel",
+            Self::Vertex => "vertex",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Pixel, Self::Vertex].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
@@ -74,7 +102,9 @@ pub struct Quality {
     pub rung: Rung,
     /// Directions that the rung `directions` tests, 32 to 256.
     pub directions: usize,
-    /// Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row: 1, 2 or 4.
+    /// Where soft shadows on real surfaces are evaluated.
+    pub soft_at: SoftAt,
+    /// Soft shadows on real surfaces are drawn on every n-th pixel of every n-th row: 1, 2 or 4.
     pub soft_step_px: u32,
     /// The soft half is damped until it shines negatively on no surface, and no more.
     pub dering: bool,
@@ -108,6 +138,7 @@ impl Default for Quality {
             split: SplitKind::Compact,
             rung: Rung::Directions,
             directions: 128,
+            soft_at: SoftAt::Pixel,
             soft_step_px: 4,
             dering: false,
             lights: MAX_LIGHTS,

@@ -24,7 +24,7 @@ use crate::{
         shade_object::{LightTerms, Surroundings},
     },
     engine::{EngineError, RelightInput, cpu},
-    model::{picture::Picture, scene::Scene},
+    model::{picture::Picture, quality::SoftAt, scene::Scene},
     plan::{FramePlan, Pass},
 };
 
@@ -161,6 +161,12 @@ impl Relighter {
                         recorder.host(pass, || twins.soft_shadow(input, &camera, &light, quality));
                         exchange.soft_place = Place::Host;
                     } else {
+                        let at_vertices = quality.soft_at == SoftAt::Vertex;
+                        if at_vertices {
+                            twins.lay_grid(input, &camera);
+                            let cut = self.domain.cut(input.lens, &camera);
+                            self.scene.upload_grid(context, &twins.grid, cut);
+                        }
                         let kernel = ready(&mut self.soft_shadow, context, SoftShadow::new)?;
                         let picture = &mut exchange.soft;
                         kernel.run(
@@ -171,6 +177,7 @@ impl Relighter {
                                 blockers: &twins.blockers,
                                 transfer: &twins.transfer,
                                 planes: &twins.planes,
+                                at_vertices,
                             },
                             picture,
                         )?;
