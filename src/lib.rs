@@ -34,6 +34,7 @@ pub mod hdr;
 pub mod light;
 pub mod math;
 pub mod model;
+pub mod nearfield;
 pub mod pipeline;
 pub mod plan;
 pub mod sources;

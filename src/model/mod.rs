@@ -12,6 +12,7 @@ pub mod picture;
 pub mod quality;
 pub mod response;
 pub mod rig;
+pub mod room;
 pub mod scene;
 pub mod time;
 pub mod transfer;

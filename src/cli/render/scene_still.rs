@@ -133,7 +133,7 @@ pub fn of_scene(
         light.global.order
     ));
     let mut scene = file.scene.clone();
-    blocker_spheres::fit(&mut scene);
+    blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
     let exposure_s = place.as_ref().and_then(|loaded| loaded.exposures.first()).map(|e| e.effective_s());
     let background = match photographed {

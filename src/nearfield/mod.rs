@@ -1,0 +1,7 @@
+//! Shadows of near light in a known room, Sections 3 to 8 of [Gib03] as corrected: patches, transfers, the sets of
+//! sources and receivers, the hierarchy of shafts between them, and what a moving object may hide in a frame.
+//! `sources` cuts the marked sources into representatives.
+
+pub mod error;
+pub mod form_factor;
+pub mod patches;
