@@ -9,7 +9,7 @@ use halflight::cli::render::{compare, of_case};
 use halflight::engine::cpu::CpuEngine;
 use halflight::model::{
     blocker::Rung,
-    quality::{Quality, SplitKind},
+    quality::{Quality, SoftAt, SplitKind},
 };
 use std::path::Path;
 
@@ -88,5 +88,30 @@ fn coarser_soft_shadows() {
         let errors = row(&shared, id, "step", &columns);
         // Measured: at most 0.004 apart.
         assert!(errors.iter().all(|e| (e - errors[0]).abs() < 0.008), "{id}: {errors:?}");
+    }
+}
+
+/// At the vertices of a grid that is as fine as the distance to the nearest sphere asks, against every pixel.
+#[test]
+fn soft_shadows_at_vertices() {
+    let Some(shared) = support::shared("soft_shadows_at_vertices") else { return };
+    for id in ["f1_room_windows_five", "f1_overcast_city_figure20", "f1_studio_lamps_five"] {
+        let with = |soft_at, soft_step_px| Quality {
+            soft_at,
+            soft_step_px,
+            directions: 256,
+            shadow_maps: 64,
+            ..Quality::default()
+        };
+        let columns = [
+            ("every pixel", with(SoftAt::Pixel, 1)),
+            ("every 4th", with(SoftAt::Pixel, 4)),
+            ("vertices", with(SoftAt::Vertex, 1)),
+            ("vertices, every 4th", with(SoftAt::Vertex, 4)),
+        ];
+        let errors = row(&shared, id, "at", &columns);
+        // Measured: at most 0.004 apart (every 4th pixel), 0.001 at vertices.
+        assert!((errors[2] - errors[0]).abs() < 0.003, "{id}: {errors:?}");
+        assert!(errors.iter().all(|e| (e - errors[0]).abs() < 0.006), "{id}: {errors:?}");
     }
 }

@@ -130,7 +130,8 @@ fn shading_kernel(entry: &Entry) {
         normal: axis,
         to_eye: axis,
         tint_openness: [1.0; 4],
-        transferred_rgb: None,
+        soft: [0.0; 4],
+        gloss: [0.0, 0.0, 0.0, 1.0],
     };
     let lambert = entry.id == "shade.0";
     let material = if lambert {

@@ -87,24 +87,26 @@ fn f2_mirrors_show_the_place_where_it_is() {
     }
 }
 
-/// The matt ball and the bunny within 4 % of the true mean radiance; the bunny stands in its own soft shadow and that of
-/// its neighbours, so by precomputed transfer.
+/// The matt ball and the bunny within 4 % of the true mean radiance with the settings as they are by default; the bunny
+/// stands in its own soft shadow and that of its neighbours.
 #[test]
 fn f2_matt_objects_have_the_right_brightness() {
     let Some(shared) = support::shared("f2_matt_objects_have_the_right_brightness") else { return };
     for id in ["f2_sun_beach", "f2_room_windows"] {
         let case = case::load(&shared.join("reference").join(id)).unwrap();
         let mut of_bunny = Vec::new();
-        for (self_shadow, order) in
-            [(SelfShadow::Openness, 4), (SelfShadow::Transfer, 4), (SelfShadow::Transfer, 6)]
-        {
-            let quality = Quality { self_shadow, sh_order: order, ..Quality::default() };
+        let openness = Quality { self_shadow: SelfShadow::Openness, ..Quality::default() };
+        for (what, quality) in [
+            ("openness", openness),
+            ("as by default", Quality::default()),
+            ("order 6", Quality { sh_order: 6, ..Quality::default() }),
+        ] {
             let still = of_case(&case, "beauty", &quality).unwrap();
             let drawn = still.draw(&mut CpuEngine::new(Some(2)).unwrap(), &quality, None, 0).unwrap();
             let compared = compare(&case, "beauty", &still, &drawn).unwrap();
             for mask in compared.masks.iter().filter(|m| m.name != "mask_mirror") {
                 let (name, ratio, rmse) = (&mask.name, mask.mean_ratio, mask.relative_rmse);
-                println!("{id} {self_shadow:?} order {order} {name}: mean {ratio:.4}, rmse {rmse:.4}");
+                println!("{id} {what} {name}: mean {ratio:.4}, rmse {rmse:.4}");
                 if name == "mask_ball" {
                     assert!((ratio - 1.0).abs() < 0.04, "{id}: {ratio}");
                 } else {
@@ -112,7 +114,8 @@ fn f2_matt_objects_have_the_right_brightness() {
                 }
             }
         }
-        assert!((of_bunny[1].0 - 1.0).abs() < 0.04, "{id}: {of_bunny:?}");
+        // Measured: 1.7 and 0.3 % off; by the openness 9.0 and 3.0 %.
+        assert!((of_bunny[1].0 - 1.0).abs() < 0.025, "{id}: {of_bunny:?}");
         assert!(of_bunny[1].1 < of_bunny[0].1, "transfer is better than openness: {id}: {of_bunny:?}");
     }
 }

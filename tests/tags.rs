@@ -5,14 +5,19 @@
 mod golden;
 mod support;
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
-use golden::{Entry, Precision, Widen};
+use glam::{DQuat, DVec2, DVec3};
+use golden::{Entry, Precision};
 use halflight::math::{
     lens::{Distortion, Lens},
     pose::Pose,
+    projection::Pinhole,
+    rigid::{Quaternion, Rigid},
+    sh::Real,
+    vector::Vector,
 };
 use halflight::model::image::{Image, Rgb8Image};
 use halflight::track::{
+    minima::{self, Minima, Minimum},
     tag::{TagDetection, TagDetector, TagOptions, gray_of},
     tag_pose::{self, TagPoses},
 };
@@ -136,28 +141,25 @@ fn several_duckie_tags_at_once() {
     }
 }
 
-/// Poses are in f64 alone, as everything in `track` is: it runs once a frame, and a pose's error counts many times
-/// over at a picture's edge. The second run has inputs and outputs rounded to f32: a corner at 150 px then moves by
-/// up to 2^-24 of that, 9e-6 px, and the poses must stay within the file's 1e-3 for f32.
+/// Both minima, by the code that the product runs in f64 for any lens; here with a pinhole of either precision.
 fn tag_poses<T: Precision>(entry: &Entry) {
-    let principal = entry.list::<T>("pp").map_wide();
-    let focal = entry.number::<T>("focal").wide();
-    let lens = Lens::pinhole(640, 480, focal, focal, principal[0], principal[1]);
-    let (corners_m, corners_px) =
-        (entry.list::<T>("corners_m").map_wide(), entry.list::<T>("corners_px").map_wide());
-    let corners_m: [DVec3; 4] = std::array::from_fn(|i| DVec3::from_slice(&corners_m[3 * i..]));
-    let corners_px: [DVec2; 4] = std::array::from_fn(|i| DVec2::from_slice(&corners_px[2 * i..]));
-    let poses = tag_pose::solve_rectangle(&corners_m, &corners_px, 0.1, &lens).unwrap();
-    let check = |what: &str, pose: &tag_pose::TagPose, expected: &Value, keys: [&str; 3]| {
-        let Pose { rotation, translation } = pose.camera_from_tag;
-        let rows = DMat3::from_quat(rotation).transpose().to_cols_array().map(T::of);
+    let focal = entry.number::<T>("focal");
+    let principal_px = Vector::from_slice(&entry.list::<T>("pp"));
+    let pinhole = Pinhole { focal_px: Vector([focal, focal]), principal_px };
+    let (corners_m, corners_px) = (entry.list::<T>("corners_m"), entry.list::<T>("corners_px"));
+    let corners_m = std::array::from_fn(|i| Vector::from_slice(&corners_m[3 * i..]));
+    let corners_px = std::array::from_fn(|i| Vector::from_slice(&corners_px[2 * i..]));
+    let minima = minima::solve_rectangle(&corners_m, &corners_px, T::of(0.1), &pinhole).unwrap();
+    let check = |what: &str, found: &Minimum<T>, expected: &Value, keys: [&str; 3]| {
+        let Rigid { rotation, translation } = found.camera_from_object;
+        let rows: [T; 9] = std::array::from_fn(|i| rotation.columns()[i % 3].0[i / 3]);
         entry.check(&format!("{what} R"), &expected[keys[0]], Some(&rows));
-        entry.check(&format!("{what} t"), &expected[keys[1]], Some(&translation.to_array().map(T::of)));
-        entry.check(&format!("{what} rms_px"), &expected[keys[2]], Some(&[T::of(pose.rms_px)]));
+        entry.check(&format!("{what} t"), &expected[keys[1]], Some(&translation.0));
+        entry.check(&format!("{what} rms_px"), &expected[keys[2]], Some(&[found.rms_px]));
     };
-    check("first", &poses.best, entry.expected, ["R_true", "t_true", "rms_px_true"]);
+    check("first", &minima.best, entry.expected, ["R_true", "t_true", "rms_px_true"]);
     let second = &entry.expected["second_minimum"];
-    check("second", &poses.other.unwrap(), second, ["R", "t", "rms_px"]);
+    check("second", &minima.other.unwrap(), second, ["R", "t", "rms_px"]);
 }
 
 #[test]
@@ -236,6 +238,90 @@ proptest! {
             prop_assert!(poses.best.camera_from_tag.translation.is_finite());
             prop_assert!(poses.best.rms_px.is_finite() && poses.best.sigma.position_m.is_finite());
         }
+    }
+}
+
+/// The same corners solved in f64 and in f32, both from the numbers that f32 can hold.
+fn in_both(pose: &Pose, side_m: f64, noise_px: f64) -> Option<(Minima<f64>, Minima<f32>)> {
+    const LENS: Lens = Lens::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
+    let mut corners = corners_seen(pose, side_m, &LENS)?;
+    for (i, corner) in corners.iter_mut().enumerate() {
+        *corner += DVec2::from_angle(side_m * 1e3 + i as f64 * 2.4) * noise_px;
+    }
+    let inside = |c: &DVec2| (0.0..640.0).contains(&c.x) && (0.0..480.0).contains(&c.y);
+    if !corners.iter().all(inside) {
+        return None;
+    }
+    fn solved<T: Real>(corners_px: &[DVec2; 4], side_m: f64) -> Option<Minima<T>> {
+        let lens = LENS.without_distortion();
+        let narrow = |v: f64| T::of(f64::from(v as f32));
+        let pinhole = Pinhole {
+            focal_px: Vector(lens.focal_px.0.map(narrow)),
+            principal_px: Vector(lens.principal_px.0.map(narrow)),
+        };
+        let corners_m = tag_pose::corners_of_tag_m(side_m).map(|c| Vector(c.to_array().map(narrow)));
+        let corners_px = corners_px.map(|c| Vector(c.to_array().map(narrow)));
+        minima::solve_rectangle(&corners_m, &corners_px, narrow(0.1), &pinhole)
+    }
+    Some((solved::<f64>(&corners, side_m)?, solved::<f32>(&corners, side_m).unwrap()))
+}
+
+/// f32 against f64 on 16,000 poses from 0.2 m (a tag of 500 px) to 10 m (one of 2 px), leaning by up to 75 degrees,
+/// corners exact and off by up to 0.15 px. The errors are counted in standard deviations of the pose at 0.1 px, as a
+/// tag of 2 px has no pose to speak of in any precision.
+#[test]
+fn poses_in_single_precision_follow_those_in_double() {
+    let mut random = Random(1);
+    for (nearest, farthest) in [(0.2, 0.5), (0.5, 1.5), (1.5, 4.0), (4.0, 10.0)] {
+        let (mut off, mut lost, mut gained) = (Vec::new(), 0, 0);
+        for case in 0..4000 {
+            let mut next = |from: f64, to: f64| from + (to - from) * random.next();
+            let solved = std::iter::repeat_with(|| {
+                let direction = DVec3::new(next(-0.5, 0.5), next(-0.35, 0.35), 1.0);
+                let truth = tilted(
+                    direction,
+                    next(nearest, farthest),
+                    next(0.0, 1.3),
+                    next(0.0, 6.3),
+                    next(0.0, 6.3),
+                );
+                in_both(&truth, next(0.03, 0.18), if case % 2 == 0 { 0.0 } else { next(0.05, 0.15) })
+            });
+            let (double, single) = solved.flatten().next().unwrap();
+            lost += usize::from(single.other.is_none() && double.other.is_some());
+            gained += usize::from(single.other.is_some() && double.other.is_none());
+            let found = single.best.camera_from_object;
+            let found = Pose::from(Rigid {
+                rotation: Quaternion(found.rotation.0.map(f64::from)),
+                translation: Vector(found.translation.0.map(f64::from)),
+            });
+            // Which is the better of two that are as good may be rounding.
+            let minima = std::iter::once(&double.best).chain(&double.other);
+            let turned = |m: &&Minimum<f64>| Pose::from(m.camera_from_object).angle_to(&found);
+            let same = minima.min_by(|a, b| turned(a).total_cmp(&turned(b))).unwrap();
+            let centre = |pose: Pose| pose.inverse().translation;
+            let away = centre(same.camera_from_object.into()).distance(centre(found));
+            off.push((away / same.sigma.position_m).max(turned(&same) / same.sigma.rotation_rad));
+        }
+        off.sort_by(f64::total_cmp);
+        // Measured: at most 1.2e-4, 4.8e-3 and 3.3e-2, the largest in the farthest band, where 4 of 4000 tags of a
+        // few pixels gained a second minimum. There the valley between the two is so flat that f32, which holds a
+        // coordinate of 600 px to 3e-5 px, may stop in it.
+        let band = format!("{nearest}..{farthest} m");
+        assert!(off[2000] < 2e-4 && off[3960] < 8e-3, "{band}: {:e} {:e}", off[2000], off[3960]);
+        assert!(off[3996] < 6e-2, "{band}: {:e}", off[3996]);
+        assert!(lost == 0 && gained <= 8, "{band}: {lost} second minima lost, {gained} gained");
+    }
+}
+
+/// Repeatable random numbers.
+struct Random(u64);
+
+impl Random {
+    /// Evenly in [0, 1).
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

@@ -6,6 +6,7 @@ mod support;
 #[path = "support/twin_scene.rs"]
 mod twin_scene;
 
+use halflight::light::unwrap_ball::BallShot;
 use twin_scene::{environment, scene};
 
 use std::sync::{Mutex, PoisonError};
@@ -29,7 +30,7 @@ use halflight::{
         image::{HdrImage, Rgb8Image},
         light::{HardLight, Lights, RadianceSamples, RadianceSh},
         picture::Picture,
-        quality::{Quality, SelfShadow},
+        quality::{Quality, SelfShadow, SoftAt},
         response::Response,
         rig::MirrorBall,
         time::Timestamp,
@@ -156,13 +157,14 @@ fn ball_matches(engine: GpuEngine) -> GpuEngine {
     for distortion in [Distortion::None, radial] {
         let lens = Lens { distortion, ..Lens::pinhole(160, 120, 400.0, 400.0, 81.0, 59.0) };
         for on_surface in [false, true] {
-            let job = LightJob::Ball {
+            let job = LightJob::Ball(BallShot {
                 picture: &picture,
                 lens: &lens,
                 world_from_camera: &world_from_camera,
                 ball: &ball,
                 on_surface,
-            };
+                without_ball: None,
+            });
             let quality = Quality { sh_order: 6, ..Quality::default() };
             let device = engine.estimate_light(&job, &quality).expect("a visible ball");
             engine = engine.with_cpu_kernels(&twins).expect("known kernels");
@@ -228,6 +230,11 @@ impl Shot {
         let quality = Quality {
             coverage_samples,
             soft_step_px,
+            // One of the lenses with soft shadows at vertices: the device cuts the grid once more for a bent lens.
+            soft_at: match distortion {
+                Distortion::RadialTangential(_) => SoftAt::Vertex,
+                _ => SoftAt::Pixel,
+            },
             shadow_map_texels: 512,
             self_shadow: SelfShadow::Transfer,
             ..Quality::default()
@@ -294,7 +301,7 @@ fn difference(device: &Picture, twin: &Picture) -> Difference {
 }
 
 /// What is allowed for a pass on the device (`None`: all of them), about twice what was measured on llvmpipe.
-fn allowed(own: Option<Pass>, samples: u32, distorted: bool) -> Difference {
+fn allowed(own: Option<Pass>, samples: u32, distorted: bool, at_vertices: bool) -> Difference {
     // Depths differ in the last place; a tap of the filter may change sides. Measured: no pixel differs.
     let shadow_maps = Difference { radiance: 1e-3, bytes: 1e-3, beyond_one: 2e-4, mean: 1e-3 };
     // The layer has 11 bits: every object pixel may round to the other byte. With four samples the twin shades
@@ -306,11 +313,17 @@ fn allowed(own: Option<Pass>, samples: u32, distorted: bool) -> Difference {
         _ if distorted => Difference { radiance: 0.015, bytes: 0.02, beyond_one: 4e-4, mean: 0.02 },
         _ => Difference { radiance: 1e-3, bytes: 0.015, beyond_one: 2e-4, mean: 0.01 },
     };
-    // A tap that changes sides is up to 1/9 of the direct light in a penumbra pixel.
-    let shade_surface = Difference { radiance: 6e-3, bytes: 4e-3, beyond_one: 4e-4, mean: 2e-3 };
+    // A tap that changes sides is up to 1/9 of the direct light in a penumbra pixel. Measured: 0.0075 through a bent lens.
+    let shade_surface = Difference { radiance: 0.015, bytes: 4e-3, beyond_one: 4e-4, mean: 2e-3 };
     // A coarse pixel at the edge of a surface lands on either side; the device takes the nearest in depth where the twin
     // looks again. Measured: a third of a percent of the pixels.
-    let soft_shadow = Difference { radiance: 7e-3, bytes: 6e-3, beyond_one: 1.5e-3, mean: 6e-3 };
+    // At vertices, through a bent lens, the device's grid has more of them: 0.08 of the pixels change by more than a
+    // thousandth, hardly any by more than a byte.
+    let soft_shadow = if at_vertices {
+        Difference { radiance: 0.16, bytes: 0.1, beyond_one: 2e-3, mean: 0.04 }
+    } else {
+        Difference { radiance: 7e-3, bytes: 6e-3, beyond_one: 1.5e-3, mean: 6e-3 }
+    };
     // The twin's layer is rounded to 11 bits on its way to the device.
     let composite = Difference { radiance: 0.0, bytes: 0.01, beyond_one: 0.0, mean: 6e-3 };
     // Counts the same thresholds.
@@ -345,7 +358,8 @@ fn drawing_matches(mut engine: GpuEngine, cpu: &mut CpuEngine) -> GpuEngine {
                 kernels.iter().filter(|name| own.is_some_and(|own| own.name() != **name)).cloned().collect();
             engine = engine.with_cpu_kernels(&others).expect("known kernels");
             let device = shot.draw(&mut engine);
-            let (found, most) = (difference(&device, &twin), allowed(own, samples, lens != "pinhole"));
+            let (found, most) =
+                (difference(&device, &twin), allowed(own, samples, lens != "pinhole", lens == "radial"));
             let what = format!("{lens}, {samples} samples, {}: {found:?}", own.map_or("all", Pass::name));
             println!("{what}");
             let within = found.radiance <= most.radiance

@@ -24,7 +24,7 @@ use halflight::{
         image::HdrImage,
         light::{HardLight, Lights, RadianceSh},
         picture::Picture,
-        quality::Quality,
+        quality::{Quality, SoftAt},
         response::Response,
         scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
         time::Timestamp,
@@ -176,16 +176,29 @@ fn every_rung(backend: Backend) {
     for (rung, order) in cases {
         let quality =
             Quality { rung, sh_order: order, soft_step_px: 1, coverage_samples: 1, ..Quality::default() };
-        let shot = Shot::new(spheres_alone(&body()), soft_light(order), &quality);
+        let mut shot = Shot::new(spheres_alone(&body()), soft_light(order), &quality);
         assert!(fits(rung, order, shot.posed.spheres()), "else the twin runs in the device's stead");
         let (twin, device) = (shot.draw(&mut cpu), shot.draw(&mut engine));
         let (apart, worst, smallest) = compare(&device, &twin);
         println!("{} order {order}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}", rung.name());
+        at_vertices(&mut cpu, &mut engine, &mut shot, &quality);
         assert!(smallest < 0.6, "{} order {order}: hardly any shadow", rung.name());
         // Measured 9e-5 to 1.9e-4, at most 6.5e-4, all beside the spheres that touch the ground: there cos(half angle) =
         // sqrt(1 - r^2/d^2) makes 3e-4 of a rounding of 1e-7. With all spheres 0.1 m higher it is 2e-6 to 2e-5.
         assert!(apart < 4e-4 && worst < 2e-3, "{} order {order}: {apart:e}, {worst:e}", rung.name());
     }
+}
+
+/// The same evaluated at the vertices of a grid.
+fn at_vertices(cpu: &mut CpuEngine, engine: &mut GpuEngine, shot: &mut Shot, quality: &Quality) {
+    shot.plan.quality.soft_at = SoftAt::Vertex;
+    let (twin, device) = (shot.draw(cpu), shot.draw(engine));
+    let (apart, worst, smallest) = compare(&device, &twin);
+    let what = format!("{} order {} at vertices", quality.rung.name(), quality.sh_order);
+    println!("{what}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}");
+    assert!(smallest < 0.6, "{what}: hardly any shadow");
+    // Measured 2.4e-6, at most 1.9e-5: no vertex lies beside the point where a sphere touches the ground.
+    assert!(apart < 1e-5 && worst < 1e-4, "{what}: {apart:e}, {worst:e}");
 }
 
 fn fits(rung: Rung, order: usize, spheres: &[halflight::model::blocker::BlockerSphere]) -> bool {

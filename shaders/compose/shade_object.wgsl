@@ -41,9 +41,12 @@ struct Seen {
     @location(3) @interpolate(perspective, centroid) inside_from_eye: vec4<f32>,
     @location(4) @interpolate(perspective, centroid) inside_normal: vec3<f32>,
     @location(5) @interpolate(perspective, centroid) inside_tint_openness: vec4<f32>,
-    // Soft light by precomputed transfer, and 1; 0: there is none.
+    // Soft light on what is matt by precomputed transfer, and 1; or what is taken of it, and 0.
     @location(6) soft: vec4<f32>,
     @location(7) @interpolate(perspective, centroid) inside_soft: vec4<f32>,
+    // What is taken of the light of the glossy lobe, and the share of it that is left otherwise.
+    @location(8) gloss: vec4<f32>,
+    @location(9) @interpolate(perspective, centroid) inside_gloss: vec4<f32>,
 }
 
 @vertex
@@ -52,6 +55,7 @@ fn vertex(
     @location(1) normal: vec3<f32>,
     @location(2) tint_openness: vec4<f32>,
     @location(3) soft: vec4<f32>,
+    @location(4) gloss: vec4<f32>,
 ) -> Seen {
     var seen: Seen;
     seen.clip = clip_position(view, position, 1.0);
@@ -63,6 +67,8 @@ fn vertex(
     seen.inside_tint_openness = tint_openness;
     seen.soft = soft;
     seen.inside_soft = soft;
+    seen.gloss = gloss;
+    seen.inside_gloss = gloss;
     return seen;
 }
 
@@ -75,15 +81,17 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
     var normal = safe_normal(seen.normal, facet, front);
     var tint_openness = seen.tint_openness;
     var soft = seen.soft;
+    var gloss_left = seen.gloss;
     let inside_normal = safe_normal(seen.inside_normal, facet, front);
     if dot(normal, inside_normal) < NEAR_ENOUGH {
         from_eye = seen.inside_from_eye.xyz / seen.inside_from_eye.w;
         normal = inside_normal;
         tint_openness = seen.inside_tint_openness / seen.inside_from_eye.w;
         soft = seen.inside_soft / seen.inside_from_eye.w;
+        gloss_left = seen.inside_gloss / seen.inside_from_eye.w;
     }
     let point_world = view.eye.xyz + from_eye;
-    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness, soft);
+    let radiance = shade(normal, facet, -normalize(from_eye), point_world, tint_openness, soft, gloss_left);
     return vec4<f32>(min(max(radiance, vec3<f32>(0.0)) * light.exposure.x, vec3<f32>(BRIGHTEST)), 1.0);
 }
 
@@ -101,6 +109,7 @@ fn shade(
     point_world: vec3<f32>,
     tint_openness: vec4<f32>,
     transferred: vec4<f32>,
+    gloss_left: vec4<f32>,
 ) -> vec3<f32> {
     let specular = material.specular_exponent.xyz;
     let exponent = material.specular_exponent.w;
@@ -134,7 +143,7 @@ fn shade(
     let albedo = material.albedo_rgb.xyz * tint_openness.xyz;
     var soft = transferred.xyz;
     if transferred.w <= 0.5 {
-        soft = openness * soft_over_pi(n);
+        soft = openness * soft_over_pi(n) - soft;
     }
     var out = albedo * (matt + soft);
     if is_glossy {
@@ -146,7 +155,7 @@ fn shade(
         }
         // The terms have the energy-safe norm in both halves.
         let scale = select(1.0, (exponent + 2.0) / (exponent + 1.0), surroundings.settings.y == 1.0);
-        out += specular * scale * (shine + openness * glossy);
+        out += specular * scale * (shine + gloss_left.w * glossy - gloss_left.xyz);
     }
     return out;
 }

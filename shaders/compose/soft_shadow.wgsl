@@ -1,6 +1,7 @@
 // What spheres, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
 // the inverse depth, as bits of four floats, in a picture of every n-th pixel. One fragment stage for the rung
-// `directions`, one for all others. Twin: src/compose/soft_shadow.rs (over src/visibility/blockers).
+// `directions`, one for all others; or the same in vertex stages, over a grid (src/compose/soft_grid.rs), interpolated.
+// Twin: src/compose/soft_shadow.rs (over src/visibility/blockers).
 
 struct SoftTerms {
     // Order of the light, spheres, directions, 0.
@@ -44,16 +45,48 @@ struct Seen {
     @location(1) normal: vec3<f32>,
     // 1 where virtual shadows fall on the surface, else 0.
     @location(2) receives: f32,
+    // What was found at the vertices, where it is.
+    @location(3) taken: vec3<f32>,
 }
 
-@vertex
-fn vertex(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> Seen {
+fn placed(position: vec4<f32>, normal: vec3<f32>) -> Seen {
     var seen: Seen;
     seen.clip = clip_position(view, position.xyz, 1.0);
     seen.point_world = position.xyz;
     seen.normal = normal;
     seen.receives = position.w;
+    seen.taken = vec3<f32>(0.0);
     return seen;
+}
+
+@vertex
+fn vertex(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> Seen {
+    return placed(position, normal);
+}
+
+// The same, evaluated here: rung `directions`.
+@vertex
+fn vertex_directions(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> Seen {
+    var seen = placed(position, normal);
+    if position.w > 0.5 {
+        seen.taken = directed(position.xyz, normalize(normal));
+    }
+    return seen;
+}
+
+// The other rungs.
+@vertex
+fn vertex_ladder(@location(0) position: vec4<f32>, @location(1) normal: vec3<f32>) -> Seen {
+    var seen = placed(position, normal);
+    if position.w > 0.5 {
+        seen.taken = laddered(position.xyz, normalize(normal));
+    }
+    return seen;
+}
+
+@fragment
+fn interpolated(seen: Seen) -> @location(0) vec4<u32> {
+    return picture(seen, seen.taken);
 }
 
 // Rung `directions`, orders 1 to 6.
@@ -62,12 +95,7 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
     var out = vec3<f32>(0.0);
     let normal = receiver_normal(seen, front);
     if seen.receives > 0.5 {
-        let first = plane_of(normal);
-        if first == NO_PLANE {
-            out = taken(seen.point_world, normal);
-        } else {
-            out = taken_on_plane(first, seen.point_world, normal);
-        }
+        out = directed(seen.point_world, normal);
     }
     return picture(seen, out);
 }
@@ -78,17 +106,30 @@ fn ladder(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u
     var out = vec3<f32>(0.0);
     let normal = receiver_normal(seen, front);
     if seen.receives > 0.5 {
-        var blocked = blocker_blocked(seen.point_world, normal, NO_BODY);
-        let first = plane_of(normal);
-        if first == NO_PLANE {
-            out = radiated(blocked, array<f32, 20>(), normal);
-        } else {
-            for (var i = 0u; i < 16u; i += 1u) {
-                out += blocked[i] * planes.weights[first + i].xyz;
-            }
-        }
+        out = laddered(seen.point_world, normal);
     }
     return picture(seen, out);
+}
+
+fn directed(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let first = plane_of(normal);
+    if first == NO_PLANE {
+        return taken(point_world, normal);
+    }
+    return taken_on_plane(first, point_world, normal);
+}
+
+fn laddered(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    var blocked = blocker_blocked(point_world, normal, NO_BODY);
+    let first = plane_of(normal);
+    if first == NO_PLANE {
+        return radiated(blocked, array<f32, 20>(), normal);
+    }
+    var out = vec3<f32>(0.0);
+    for (var i = 0u; i < 16u; i += 1u) {
+        out += blocked[i] * planes.weights[first + i].xyz;
+    }
+    return out;
 }
 
 fn receiver_normal(seen: Seen, front: bool) -> vec3<f32> {

@@ -3,7 +3,7 @@
 use super::error::AssetError;
 use crate::animate::posed::Posed;
 use crate::model::{
-    scene::Scene,
+    scene::{Material, Scene},
     transfer::{ObjectTransfer, SceneTransfer},
 };
 use crate::visibility::transfer::{self, Standing};
@@ -37,8 +37,13 @@ pub fn of_scene(
             positions_world: &posed.objects()[object].positions_world,
             normals_world: &posed.objects()[object].normals_world,
             triangles: &scene.objects[object].mesh.triangles,
+            is_glossy: is_glossy(&scene.objects[object].material),
         })
         .collect();
+    if standing.iter().all(|mesh| mesh.positions_world.is_empty()) {
+        progress(1.0);
+        return SceneTransfer { order, objects: vec![None; scene.objects.len()] };
+    }
     let key = key(&standing, order, rays);
     let file = cache.map(|folder| cache_file(folder, &key));
     let known = file.as_deref().and_then(|file| read(file, &key, &standing, order));
@@ -59,6 +64,11 @@ pub fn of_scene(
     out
 }
 
+/// Whether a material's lobe is shaded through the visibility of its vertices.
+fn is_glossy(material: &Material) -> bool {
+    matches!(material, Material::Phong { specular_rgb, .. } if *specular_rgb != [0.0; 3])
+}
+
 /// SHA-256 of the algorithm's version, the settings and the geometry.
 fn key(standing: &[Standing<'_>], order: usize, rays: u32) -> [u8; HASH] {
     let mut hash = Sha256::new();
@@ -69,6 +79,7 @@ fn key(standing: &[Standing<'_>], order: usize, rays: u32) -> [u8; HASH] {
         for size in [mesh.positions_world.len(), mesh.normals_world.len(), mesh.triangles.len()] {
             hash.update((size as u64).to_le_bytes());
         }
+        hash.update([u8::from(mesh.is_glossy)]);
         for vector in mesh.positions_world.iter().chain(mesh.normals_world) {
             vector.to_array().iter().for_each(|x| hash.update(x.to_le_bytes()));
         }
@@ -83,7 +94,8 @@ fn cache_file(folder: &Path, key: &[u8; HASH]) -> PathBuf {
     folder.join("transfer").join(format!("{name}.bin"))
 }
 
-/// A file is the key, the 16-bit floats of all objects one after the other (little-endian), and the SHA-256 of both.
+/// A file is the key, the 16-bit floats of all objects one after the other (little-endian), of each what is blocked after
+/// its transfer, and the SHA-256 of both.
 fn read(
     file: &Path,
     key: &[u8; HASH],
@@ -91,7 +103,9 @@ fn read(
     order: usize,
 ) -> Option<Vec<ObjectTransfer>> {
     let bytes = super::error::read_file(file).ok()?;
-    let numbers: usize = standing.iter().map(|m| m.positions_world.len() * order * order).sum();
+    let rows = |mesh: &Standing<'_>| mesh.positions_world.len() * order * order;
+    let blocked = |mesh: &Standing<'_>| if mesh.is_glossy { rows(mesh) } else { 0 };
+    let numbers: usize = standing.iter().map(|mesh| rows(mesh) + blocked(mesh)).sum();
     let (content, checksum) = bytes.split_at_checked(bytes.len().checked_sub(HASH)?)?;
     let sound = content.len() == HASH + 2 * numbers
         && content.starts_with(key)
@@ -101,7 +115,8 @@ fn read(
     }
     let mut all = content[HASH..].chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]));
     let take = |mesh: &Standing<'_>| ObjectTransfer {
-        rows: all.by_ref().take(mesh.positions_world.len() * order * order).collect(),
+        rows: all.by_ref().take(rows(mesh)).collect(),
+        blocked: all.by_ref().take(blocked(mesh)).collect(),
     };
     Some(standing.iter().map(take).collect())
 }
@@ -109,7 +124,7 @@ fn read(
 fn write(file: &Path, key: &[u8; HASH], baked: &[ObjectTransfer]) -> Result<(), AssetError> {
     let failed = |e: std::io::Error| AssetError::new(file, "cannot be written").cause(e);
     let mut bytes = key.to_vec();
-    bytes.extend(baked.iter().flat_map(|object| &object.rows).flat_map(|t| t.to_le_bytes()));
+    bytes.extend(baked.iter().flat_map(|o| o.rows.iter().chain(&o.blocked)).flat_map(|t| t.to_le_bytes()));
     let checksum: [u8; HASH] = Sha256::digest(&bytes).into();
     bytes.extend(checksum);
     if let Some(folder) = file.parent() {
@@ -127,7 +142,7 @@ mod tests {
     use crate::assets::shapes;
     use crate::model::{
         animation::{Figure, Playing},
-        scene::{Material, VirtualObject},
+        scene::VirtualObject,
     };
     use glam::{Affine3A, Vec3};
 

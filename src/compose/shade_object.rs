@@ -105,7 +105,17 @@ impl<'a> Surroundings<'a> {
 
     /// The picture whose levels a lobe is read from.
     fn levels(&self, exponent: f32) -> Option<&'a EnvironmentPicture> {
-        self.picture.filter(|p| !p.glossy.is_empty() && exponent > self.sharp_above)
+        self.picture.filter(|_| self.is_sharp(exponent))
+    }
+
+    /// Whether there are levels for sharp lobes.
+    pub fn has_levels(&self) -> bool {
+        self.picture.is_some_and(|p| !p.glossy.is_empty())
+    }
+
+    /// Whether a lobe is read from the levels.
+    pub fn is_sharp(&self, exponent: f32) -> bool {
+        self.has_levels() && exponent > self.sharp_above
     }
 }
 
@@ -120,9 +130,12 @@ pub struct ObjectPoint {
     pub to_eye: Vec3,
     /// Tint (r, g, b) of the albedo and openness (a), interpolated.
     pub tint_openness: [f32; 4],
-    /// What a white matt surface radiates here under the soft half, its own shadow counted (precomputed transfer, Eq. 20
-    /// of [Now11]), interpolated; `None`: openness times what it would radiate without.
-    pub transferred_rgb: Option<[f32; 3]>,
+    /// Soft light on what is matt (`Transferred::soft`), interpolated: what a white surface radiates, its own shadow
+    /// counted, and 1; or what is taken of openness times what it would radiate, and 0.
+    pub soft: [f32; 4],
+    /// Soft light on what is glossy (`Transferred::gloss`), interpolated: what is taken of the lobe's light (r, g, b) after
+    /// it was scaled by a share (a).
+    pub gloss: [f32; 4],
 }
 
 /// Sum of rows * y(direction), bands weighted by `bands`.
@@ -168,11 +181,11 @@ pub fn soft_over_pi(light: &LightTerms, normal: Vec3) -> [f32; 3] {
 /// where n.w_k = cosine; it is asked only for lights that the normal faces. Each hard light adds its own E_k, w_k, V_k:
 ///
 /// * Lambert and the matt part of Phong: albedo (sum of E_k max(0, n.w_k) / pi V_k + soft), soft being the point's
-///   transfer or else openness irradiance(n) / pi.
+///   transfer or else openness irradiance(n) / pi, less what other bodies take.
 /// * Glossy lobe around r, the view reflected at n: specular (sum of E_k (s+1)/(2 pi) max(0, r.w_k)^s V_k where
-///   n.w_k > 0, and openness times the sum of lobe_l L_g,lm y_lm(r)); with the paper's norm s+2 in place of s+1 in both.
-///   A lobe that SH of the light's order is too smooth for is read from the prefiltered picture of what the hard
-///   lights leave, again times the openness, where there is one.
+///   n.w_k > 0, and the sum of lobe_l L_g,lm y_lm(r) less what is taken of it (Eq. 19 of [Now11], or the share that the
+///   openness leaves)); with the paper's norm s+2 in place of s+1 in both. A lobe that SH of the light's order is too
+///   smooth for is read from the prefiltered picture of what the hard lights leave, times V~, where there is one.
 /// * Mirror: reflectance times what is seen along r (`Reflected`); the light is in it, nothing is added. Without a
 ///   picture the sum of L_lm y_lm(r), a smooth stand-in.
 ///
@@ -224,7 +237,13 @@ pub fn shade(
         }
     }
     let openness = point.tint_openness[3];
-    let soft = point.transferred_rgb.unwrap_or_else(|| soft_over_pi(light, n).map(|c| openness * c));
+    let [r_soft, g_soft, b_soft, is_transferred] = point.soft;
+    let mut soft = [r_soft, g_soft, b_soft];
+    // All corners of a triangle have transfer, or none.
+    if is_transferred <= 0.5 {
+        let whole = soft_over_pi(light, n);
+        soft = std::array::from_fn(|c| openness * whole[c] - soft[c]);
+    }
     let mut out: [f32; 3] = std::array::from_fn(|c| {
         let albedo = material.albedo_rgb[c] * point.tint_openness[c];
         albedo * (matt[c] + soft[c])
@@ -240,7 +259,8 @@ pub fn shade(
             PhongNorm::Paper => (material.exponent + 2.0) / (material.exponent + 1.0),
         };
         for c in 0..3 {
-            out[c] += material.specular_rgb[c] * scale * (shine[c] + openness * glossy[c]);
+            out[c] +=
+                material.specular_rgb[c] * scale * (shine[c] + point.gloss[3] * glossy[c] - point.gloss[c]);
         }
     }
     out.map(|c| c.max(0.0))

@@ -7,14 +7,12 @@ use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};
 use crate::visibility::{
     blockers::{Blockers, LANES, Plane},
-    shadow_maps::ShadowMaps,
+    shadow_maps::{FlatLight, ShadowMaps},
 };
 use glam::Vec3;
 
 /// Distinct normals of flat receivers that are prepared together; more are evaluated one point at a time.
 const MOST_PLANES: usize = 32;
-/// Half width of the widest filter and its bias, texels.
-const FILTER_TEXELS: f32 = 16.0;
 /// Neighbours of a coarse picture count as the same surface where their inverse depths agree to this share.
 pub const SAME_SURFACE: f32 = 0.02;
 
@@ -85,10 +83,15 @@ impl Transfer {
     pub fn of_normal(&self, normal: Vec3) -> [[f32; 3]; MAX_COEFFICIENTS] {
         let mut lobe = [0.0f32; MAX_COEFFICIENTS];
         basis::evaluate(self.order, normal.to_array(), &mut lobe);
-        let count = self.order * self.order;
         for l in 0..self.order {
             lobe[l * l..(l + 1) * (l + 1)].iter_mut().for_each(|y| *y *= self.bands[l]);
         }
+        self.of_lobe(&lobe)
+    }
+
+    /// M^{L_g} f of any function f by its coefficients: sum of t_i V_i is the integral of L_g f V, cut to the order.
+    pub fn of_lobe(&self, lobe: &[f32; MAX_COEFFICIENTS]) -> [[f32; 3]; MAX_COEFFICIENTS] {
+        let count = self.order * self.order;
         let mut row = [[0.0f32; 3]; MAX_COEFFICIENTS];
         for (out, matrix) in row.iter_mut().zip(self.matrix_rgb.chunks(count.max(1))) {
             for (m, f) in matrix.iter().zip(lobe) {
@@ -108,15 +111,8 @@ pub struct Flat {
     pub normal: Vec3,
     /// Irradiance where nothing is in the way of the light.
     pub whole_rgb: [f32; 3],
-    /// A box around all hard shadows on it, world frame: low and high corner (low above high: there are none).
-    pub shadows: [Vec3; 2],
-}
-
-impl Flat {
-    /// Whether a hard shadow may fall on one of its points.
-    pub fn may_be_shadowed(&self, point_world: Vec3) -> bool {
-        point_world.cmpge(self.shadows[0]).all() && point_world.cmple(self.shadows[1]).all()
-    }
+    /// Where its lights are in the list of all planes.
+    lights: [usize; 2],
 }
 
 /// Flat receivers with what their points share. Keeps its memory.
@@ -126,6 +122,7 @@ pub struct Planes {
     /// n.p of its points.
     offsets: Vec<f32>,
     flat: Vec<Flat>,
+    flat_lights: Vec<FlatLight>,
     prepared: Vec<Plane>,
     /// For each triangle of the surfaces its plane, or `u32::MAX`.
     of_triangle: Vec<u32>,
@@ -167,16 +164,24 @@ impl Planes {
         }
     }
 
-    /// Sums up the whole light on each of them, and finds where the casters' shadows fall; `casters`: low and high corner of
-    /// a box around them.
-    pub fn prepare_light(&mut self, light: &LightTerms, shadows: &ShadowMaps, casters: [Vec3; 2]) {
-        let planes = self.normals.iter().zip(&self.offsets);
+    /// Sums up the whole light on each of them, and what their points share under each hard light.
+    pub fn prepare_light(&mut self, light: &LightTerms, shadows: &ShadowMaps, taps: u32) {
         self.flat.clear();
-        self.flat.extend(planes.map(|(&normal, &offset)| Flat {
-            normal,
-            whole_rgb: super::shade_surface::whole(light, normal),
-            shadows: shadow_box(normal, offset, light, shadows, casters),
-        }));
+        self.flat_lights.clear();
+        for &normal in &self.normals {
+            let first = self.flat_lights.len();
+            let lights = light.hard().iter().enumerate().filter_map(|(k, hard)| {
+                shadows.flat_light(k, taps, normal.dot(Vec3::from(hard.to_light_world)))
+            });
+            self.flat_lights.extend(lights);
+            let lights = [first, self.flat_lights.len()];
+            self.flat.push(Flat { normal, whole_rgb: super::shade_surface::whole(light, normal), lights });
+        }
+    }
+
+    /// The hard lights that a flat receiver faces and that have a shadow map.
+    pub fn lights(&self, flat: &Flat) -> &[FlatLight] {
+        self.flat_lights.get(flat.lights[0]..flat.lights[1]).unwrap_or(&[])
     }
 
     /// What the points of a flat triangle share, seen from its front.
@@ -196,32 +201,6 @@ impl Planes {
         let is_front = self.normals.get(index)?.dot(normal) > 0.9;
         if is_front { self.prepared.get(index) } else { None }
     }
-}
-
-/// A box around the shadows on a plane: the casters' box moved along each light onto it, with room for the filter.
-fn shadow_box(
-    normal: Vec3,
-    offset: f32,
-    light: &LightTerms,
-    shadows: &ShadowMaps,
-    casters: [Vec3; 2],
-) -> [Vec3; 2] {
-    let mut all = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-    for (hard, camera) in light.hard().iter().zip(shadows.cameras()) {
-        let to_light = Vec3::from(hard.to_light_world);
-        let cosine = normal.dot(to_light);
-        let Some(camera) = camera.as_ref().filter(|_| cosine > 0.0) else { continue };
-        let room = Vec3::splat(FILTER_TEXELS * camera.texel_m / cosine);
-        for k in 0..8 {
-            let of = |axis: usize| casters[k >> axis & 1][axis];
-            let corner = Vec3::new(of(0), of(1), of(2));
-            // What reaches through the plane throws its shadow from where it stands.
-            let down = ((normal.dot(corner) - offset) / cosine).max(0.0);
-            let on_plane = corner - down * to_light;
-            all = [all[0].min(on_plane - room), all[1].max(on_plane + room)];
-        }
-    }
-    all
 }
 
 /// What spheres take of the soft light that a white matt receiver would radiate (irradiance / pi), each channel: the sum
@@ -300,6 +279,12 @@ pub fn taken_in_row(
     }
 }
 
+/// Whether an inverse depth (0: nothing there) is that of a surface, given as numerator and denominator.
+#[inline(always)]
+pub fn is_same_surface(inverse_depth: f32, [above, below]: [f32; 2]) -> bool {
+    inverse_depth > 0.0 && (inverse_depth * below - above).abs() <= SAME_SURFACE * above.abs()
+}
+
 /// What is carried up from a coarse picture to a pixel of the fine one: the bilinear mean of those of its four neighbours
 /// that lie on the same surface. `at` is the pixel's centre in the coarse picture (continuous); `inverse_depth(i)` is what
 /// the surface would have at pixel i of the coarse picture, as a numerator and a denominator. `None` where no neighbour is
@@ -327,8 +312,7 @@ pub fn carried_up(
         let row = (top + dy).clamp(0.0, height as f32 - 1.0) as usize;
         let i = row * width + column;
         let pixel = coarse[i];
-        let [above, below] = inverse_depth(i);
-        if weight > 0.0 && pixel[3] > 0.0 && (pixel[3] * below - above).abs() <= SAME_SURFACE * above.abs() {
+        if weight > 0.0 && is_same_surface(pixel[3], inverse_depth(i)) {
             for (s, c) in sum.iter_mut().zip(pixel) {
                 *s += weight * c;
             }

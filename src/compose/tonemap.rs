@@ -3,10 +3,10 @@
 use crate::model::response::Response;
 
 /// Cells an octave of the start table: 2^CELL_BITS.
-const CELL_BITS: u32 = 5;
+const CELL_BITS: u32 = 8;
 /// Bits of a f32 below its cell.
 const CELL_SHIFT: u32 = 23 - CELL_BITS;
-/// Cells of the start table: 64 octaves, far more than 8 bits span in any response.
+/// Cells of the start table: 64 octaves, far more than 8 bits span in any response. So fine that few hold two steps.
 const CELLS: usize = 64 << CELL_BITS;
 
 /// A response turned round: for each channel the exposures at which the rounded value steps up.
@@ -63,19 +63,19 @@ impl ToneTable {
     /// The 8-bit value of an exposure in a channel: `Response::value_of` rounded (half up), but for exposures
     /// within rounding of a step. Never decreases; not a number or negative gives 0.
     /// The GPU finds the same count of thresholds at or below the exposure by halving.
+    #[inline]
     pub fn value(&self, channel: usize, exposure: f32) -> u8 {
         let thresholds = &self.thresholds[channel];
-        if exposure.is_nan() || exposure <= 0.0 {
-            return 0;
-        }
-        let mut z = match (exposure.to_bits() >> CELL_SHIFT).checked_sub(self.first_cell) {
-            Some(cell) => self.starts[(cell as usize).min(CELLS - 1)][channel],
-            None => 0,
-        };
-        while z < 255 && thresholds[z as usize] <= exposure {
+        // The last threshold is infinite: never reached.
+        let known = if exposure < f32::MAX { exposure } else { f32::MAX };
+        let cell = (known.to_bits() >> CELL_SHIFT).saturating_sub(self.first_cell);
+        let mut z = self.starts.get((cell as usize).min(CELLS - 1)).map_or(0, |starts| starts[channel]);
+        // Hardly ever is there more than one step in a cell: this one without a branch.
+        z += u8::from(thresholds[usize::from(z)] <= known);
+        while thresholds[usize::from(z)] <= known {
             z += 1;
         }
-        z
+        if exposure > 0.0 { z } else { 0 }
     }
 }
 

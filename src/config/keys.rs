@@ -5,7 +5,7 @@ use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
     picture::PictureView,
-    quality::{SelfShadow, SplitKind},
+    quality::{SelfShadow, SoftAt, SplitKind},
 };
 use toml::Value;
 
@@ -127,6 +127,14 @@ macro_rules! key {
     ($name:literal, $unit:literal, $range:expr, $effect:literal, $read:expr, $write:expr) => {
         Key { name: $name, unit: $unit, range: $range, effect: $effect, read: $read, write: $write }
     };
+}
+
+impl Key {
+    /// Whether it takes effect on the next frame where it changes while the program runs. Devices, engine, tracking, the
+    /// scene and the output are opened once, at the start.
+    pub fn is_live(&self) -> bool {
+        matches!(self.name.split_once('.'), Some(("light" | "quality" | "present", _)))
+    }
 }
 
 /// Every key, in the order of `config/default.toml`.
@@ -266,6 +274,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.split = SplitKind::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
+        "light.lights",
+        "lights",
+        Range::Integer(1, 4),
+        "Compact lights that are looked for, the brightest first; what is not found stays in the soft half.",
+        |s| Value::Integer(s.quality.lights as i64),
+        |s, v| s.quality.lights = integer(v) as usize
+    ),
+    key!(
         "light.dering",
         "",
         Range::Switch,
@@ -336,7 +352,7 @@ pub const KEYS: &[Key] = &[
         "quality.self_shadow",
         "",
         Range::Choice(&SelfShadow::NAMES),
-        "The shadow of what never moves on itself and its like in soft light: by the share of the hemisphere that each vertex leaves open, or by transfer precomputed with rays (kept in the cache folder; 32 bytes a vertex at order 4). Gloss and what moves use the openness.",
+        "The shadow of what never moves on itself and its like in soft light: by the share of the hemisphere that each vertex leaves open, or by transfer precomputed with rays (kept in the cache folder; 32 bytes a vertex at order 4, twice that where it is glossy). What moves uses the openness.",
         |s| word(s.quality.self_shadow.name()),
         |s, v| s.quality.self_shadow = SelfShadow::from_name(&text(v)).unwrap_or_default()
     ),
@@ -349,6 +365,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.phong_norm = PhongNorm::from_name(&text(v)).unwrap_or(PhongNorm::EnergySafe)
     ),
     key!(
+        "quality.spheres",
+        "spheres",
+        Range::Integer(0, 64),
+        "Spheres that stand for every body where it blocks soft light, 4 to 64 (1 to 3 count as 4); 0 = as many as the scene file says. They are fitted when first asked for, which takes a moment, and kept in the cache folder.",
+        |s| Value::Integer(s.quality.spheres as i64),
+        |s, v| s.quality.spheres = integer(v) as usize
+    ),
+    key!(
         "quality.directions",
         "directions",
         Range::Integer(32, 256),
@@ -357,10 +381,18 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.directions = integer(v) as usize
     ),
     key!(
+        "quality.soft_at",
+        "",
+        Range::Choice(&SoftAt::NAMES),
+        "Where soft shadows on real surfaces are evaluated: for pixels, or at the vertices of the surfaces, which are cut as finely as the shadow asks, and interpolated.",
+        |s| word(s.quality.soft_at.name()),
+        |s, v| s.quality.soft_at = SoftAt::from_name(&text(v)).unwrap_or_default()
+    ),
+    key!(
         "quality.soft_step_px",
         "px",
         Range::IntegerChoice(&[1, 2, 4]),
-        "Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row, and carried up along the surface.",
+        "Soft shadows on real surfaces are drawn on every n-th pixel of every n-th row, and carried up along the surface.",
         |s| Value::Integer(i64::from(s.quality.soft_step_px)),
         |s, v| s.quality.soft_step_px = integer(v) as u32
     ),
@@ -427,7 +459,8 @@ pub fn manual() -> String {
     let defaults = Settings::default();
     let mut out = String::from(
         "# Every key of half-light with its unit, range, effect and default: the manual.\n# Made from the table in \
-         src/config/keys.rs; a test keeps both equal.\n",
+         src/config/keys.rs; a test keeps both equal.\n# Live keys take effect on the next frame when the file that \
+         `halflightd --config` names is changed; the others at the\n# next start.\n",
     );
     let mut section = "";
     for key in KEYS {
@@ -438,9 +471,10 @@ pub fn manual() -> String {
         }
         let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
         out.push_str(&format!(
-            "# {}\n# Must be {}{unit}.\n{name} = {}\n",
+            "# {}\n# Must be {}{unit}.{}\n{name} = {}\n",
             key.effect,
             key.range.describe(),
+            if key.is_live() { " Live." } else { "" },
             (key.read)(&defaults)
         ));
     }

@@ -5,6 +5,7 @@ use crate::assets::transfer;
 use crate::model::{
     quality::{Quality, SelfShadow},
     scene::Scene,
+    transfer::ObjectTransfer,
 };
 use crate::visibility::transfer::DEFAULT_RAYS;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,6 +23,12 @@ pub fn bake(scene: &mut Scene, quality: &Quality) {
     let progress = |share: f32| bar.set_position((share * 100.0) as u64);
     let folder = cache_folder();
     let baked = transfer::of_scene(scene, quality.sh_order, DEFAULT_RAYS, folder.as_deref(), &progress);
+    let numbers = |o: &ObjectTransfer| o.rows.len() + o.blocked.len();
+    let bytes: usize = baked.objects.iter().flatten().map(numbers).sum::<usize>() * 2;
     scene.transfer = Some(Arc::new(baked));
     bar.finish_and_clear();
+    if bytes > 0 {
+        let (kib, seconds) = (bytes.div_ceil(1024), bar.elapsed().as_secs_f32());
+        tracing::info!("transfer of what never moves: {kib} KiB, ready after {seconds:.2} s");
+    }
 }

@@ -2,6 +2,7 @@
 
 mod check;
 mod fragments;
+mod soft;
 
 pub(super) use check::{check, check_light};
 pub(super) use fragments::coarse_lens;
@@ -9,15 +10,17 @@ pub(super) use fragments::coarse_lens;
 use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
 use crate::animate::posed::Posed;
 use crate::compose::{
+    carried::{Coarse, RUN, SeenPlane},
     composite,
     geometry::{MIRROR_EXPONENT, ObjectGeometry, SurfaceGeometry},
-    raster::{self, Fragment, Projected, Rays, Sample, View},
+    raster::{self, Fragment, Projected, Rays, Row, Samples, View},
     reflected::Reflected,
     shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
+    soft_grid::SoftGrid,
     soft_shadow::{self, CoarsePoint, Planes, Transfer},
     tonemap::ToneTable,
-    transferred::Transferred,
+    transferred::{Transferred, VertexFrame},
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -37,6 +40,9 @@ use rayon::prelude::*;
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
 
+/// From so many neighbours of one triangle on they are shaded together.
+const LEAST_RUN: usize = 4;
+
 /// The engine that needs nothing but the processor. Its results do not depend on the number of threads.
 pub struct CpuEngine {
     pool: rayon::ThreadPool,
@@ -54,16 +60,21 @@ pub(super) struct Work {
     rays: Rays,
     seen_objects: Projected,
     seen_surfaces: Projected,
-    samples: Vec<Sample>,
+    /// The view of `seen_surfaces`.
+    seen_from: Option<View>,
+    samples: Samples,
     pub(super) shadows: ShadowMaps,
     pub(super) reflected: Reflected,
     pub(super) transferred: Transferred,
+    /// Whether objects have moved since `transferred` looked.
+    moved: bool,
     pub(super) blockers: Blockers,
     pub(super) transfer: Transfer,
     pub(super) planes: Planes,
     coarse_rays: Rays,
     coarse_surfaces: Projected,
     coarse: Image<CoarsePoint>,
+    pub(super) grid: SoftGrid,
     /// What is taken of the soft light (r, g, b) and the inverse depth (a).
     pub(super) soft: Image<[f32; 4]>,
     pub(super) object_layer: Image<[f32; 4]>,
@@ -125,12 +136,8 @@ impl Engine for CpuEngine {
         let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
         self.pool.install(|| {
             let flags = match job {
-                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
-                    timed(timings, Pass::UnwrapBall, || {
-                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
-                    })
-                    .map_err(|e| EngineError::Input(e.to_string()))?
-                }
+                LightJob::Ball(shot) => timed(timings, Pass::UnwrapBall, || unwrapper.unwrap(shot, samples))
+                    .map_err(|e| EngineError::Input(e.to_string()))?,
                 LightJob::Map(map) => maps::samples_of_map(map, samples),
             };
             let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));
@@ -176,6 +183,7 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
+        self.seen_from = None;
         self.planes.find(&self.surfaces);
         self.reflected.load(&self.surfaces);
         self.transferred.load(scene);
@@ -189,56 +197,8 @@ impl Work {
             self.objects.pose(index, &object.positions_world, &object.normals_world);
             moved = true;
         }
+        self.moved |= moved;
         moved
-    }
-
-    /// Takes over the spheres and the light of a frame.
-    pub(super) fn prepare_blockers(
-        &mut self,
-        input: &RelightInput<'_>,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.transfer.update(light);
-        let spheres = input.posed.map_or(&[][..], Posed::spheres);
-        self.blockers.prepare(spheres, quality.rung, light.order, quality.directions);
-        self.planes.prepare(&self.blockers, &self.transfer);
-        self.coarse_rays.update(&coarse_lens(input.lens, quality.soft_step_px), 1);
-    }
-
-    pub(super) fn soft_shadow(
-        &mut self,
-        input: &RelightInput<'_>,
-        view: &View,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
-        self.prepare_blockers(input, light, quality);
-        let surfaces = &self.surfaces;
-        self.coarse_surfaces.prepare(&self.coarse_rays, view, &surfaces.positions, &surfaces.triangles);
-        let (blockers, transfer, planes) = (&self.blockers, &self.transfer, &self.planes);
-        let forward = view.world_from_camera.z_axis;
-        let see = |fragment: &Fragment| CoarsePoint {
-            point_world: fragment.point_world,
-            normal: surface_normals(surfaces, fragment).0,
-            inverse_depth: 1.0 / forward.dot(fragment.point_world - view.eye),
-            receiver: surfaces.receives[fragment.triangle].then_some(fragment.triangle as u32),
-        };
-        raster::draw_surfaces(
-            &self.coarse_rays,
-            view,
-            &self.coarse_surfaces,
-            CoarsePoint::default(),
-            see,
-            &mut self.samples,
-            &mut self.coarse,
-        );
-        let (width, height) = (self.coarse.width(), self.coarse.height());
-        self.soft.reshape(width, height, [0.0; 4]);
-        let rows = self.soft.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(self.coarse.pixels().par_chunks(width.max(1))).for_each(|(out, row)| {
-            soft_shadow::taken_in_row(blockers, transfer, planes, row, out);
-        });
     }
 
     /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
@@ -305,10 +265,31 @@ impl Work {
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 
-    /// Takes over what mirrors see of a frame.
-    pub(super) fn prepare_reflected(&mut self, input: &RelightInput<'_>) {
+    /// Takes over what mirrors see of a frame, and finds the soft light at the vertices of objects.
+    pub(super) fn prepare_vertices(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
         let spheres = input.posed.map_or(&[][..], Posed::spheres);
         self.reflected.prepare(spheres, &self.objects);
+        self.transferred.update(&VertexFrame {
+            light,
+            objects: &self.objects,
+            moved: self.moved,
+            spheres,
+            eye_world: view.eye,
+            surroundings: Surroundings::new(
+                input.environment,
+                &self.reflected,
+                quality.phong_norm,
+                light.order,
+            ),
+            quality,
+        });
+        self.moved = false;
     }
 
     pub(super) fn shade_object(
@@ -319,9 +300,8 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        self.prepare_reflected(input);
-        self.transferred.update(light, quality.self_shadow);
-        let transferred = self.transferred.rgb();
+        self.prepare_vertices(input, view, light, quality);
+        let transferred = &self.transferred;
         let (objects, shadows) = (&self.objects, &self.shadows);
         let surroundings =
             Surroundings::new(input.environment, &self.reflected, quality.phong_norm, light.order);
@@ -358,24 +338,25 @@ impl Work {
         quality: &Quality,
     ) {
         self.project_surfaces(input, view, quality);
-        self.planes.prepare_light(light, &self.shadows, self.objects.bounds());
-        let step = quality.soft_step_px as f32;
+        self.planes.prepare_light(light, &self.shadows, quality.pcf_taps);
         let width = self.rays.width();
-        let (soft, coarse_rays, planes) = (&self.soft, &self.coarse_rays, &self.planes);
+        let planes = &self.planes;
+        let coarse = Coarse {
+            pixels: self.soft.pixels(),
+            width: self.soft.width(),
+            height: self.soft.height(),
+            rays: &self.coarse_rays,
+            step: quality.soft_step_px as usize,
+        };
         let (blockers, transfer) = (&self.blockers, &self.transfer);
         let camera_from_world = view.world_from_camera.transpose();
+        let seen_plane = |facet: Vec3, point_world: Vec3| SeenPlane {
+            normal_camera: camera_from_world * facet,
+            to_plane: facet.dot(point_world - view.eye),
+        };
         let soft_taken = |fragment: &Fragment, normal: Vec3, facet: Vec3| {
-            if quality.soft_step_px == 1 {
-                let [r, g, b, _] = soft.pixels()[fragment.pixel];
-                return [r, g, b];
-            }
-            let at = [fragment.pixel % width, fragment.pixel / width].map(|p| (p as f32 + 0.5) / step);
-            let (normal_camera, to_plane) =
-                (camera_from_world * facet, facet.dot(fragment.point_world - view.eye));
-            let carried = soft_shadow::carried_up(soft.pixels(), soft.width(), soft.height(), at, |i| {
-                let ray = coarse_rays.centre(i);
-                [normal_camera.dot(ray), ray.z * to_plane]
-            });
+            let plane = seen_plane(facet, fragment.point_world);
+            let carried = coarse.at(&plane, fragment.pixel % width, fragment.pixel / width);
             carried.unwrap_or_else(|| {
                 let plane = planes.of(fragment.triangle, normal);
                 soft_shadow::taken(blockers, transfer, plane, fragment.point_world, normal)
@@ -384,37 +365,65 @@ impl Work {
         let frame = SurfaceFrame { light, shadows: &self.shadows, pcf_taps: quality.pcf_taps };
         let surfaces = &self.surfaces;
         let shade = |fragment: &Fragment| {
-            if !surfaces.receives[fragment.triangle] {
-                return [1.0; 3];
-            }
-            let is_front = surfaces.facet_normals[fragment.triangle].dot(fragment.to_eye) >= 0.0;
-            let p = fragment.point_world;
-            let taken =
-                |normal, facet| if soft_drawn { soft_taken(fragment, normal, facet) } else { [0.0; 3] };
-            if let Some(flat) = planes.flat(fragment.triangle, is_front) {
-                let n = flat.normal;
-                let hard = flat.may_be_shadowed(p);
-                return shade_surface::at(&frame, p, n, n, taken(n, n), Some(flat.whole_rgb), hard);
-            }
             let (normal, facet) = surface_normals(surfaces, fragment);
-            shade_surface::at(&frame, p, normal, facet, taken(normal, facet), None, true)
+            let is_front = surfaces.facet_normals[fragment.triangle].dot(fragment.to_eye) >= 0.0;
+            let flat = planes.flat(fragment.triangle, is_front);
+            let (normal, facet) = flat.map_or((normal, facet), |flat| (flat.normal, flat.normal));
+            let taken = if soft_drawn { soft_taken(fragment, normal, facet) } else { [0.0; 3] };
+            let whole_rgb = flat.map(|flat| flat.whole_rgb);
+            shade_surface::at(&frame, fragment.point_world, normal, facet, taken, whole_rgb)
         };
-        raster::draw_surfaces(
+        // Neighbours on a flat triangle together; false where they need a look one by one.
+        let shade_flat = |row: &Row<'_>, k: usize, out: &mut [[f32; 3]]| {
+            let Some(flat) = row.triangle(k).and_then(|t| planes.flat(t, true)) else { return false };
+            let Some(points) = row.points::<RUN>(k, out.len()) else { return false };
+            let facet = surfaces.facet_normals[row.triangle(k).unwrap_or(0)];
+            if !points.see_front(facet) {
+                return false;
+            }
+            let mut taken = [[0.0; RUN]; 3];
+            if soft_drawn {
+                let plane = seen_plane(flat.normal, points.first());
+                let (x, y) = (row.pixel(k) % width, row.pixel(k) / width);
+                if !coarse.run(&plane, x, y, out.len(), &mut taken) {
+                    return false;
+                }
+            }
+            shade_surface::at_run(&frame, flat, planes.lights(flat), &points.point_world, &taken, out);
+            true
+        };
+        let shade_row = |row: &Row<'_>, out: &mut [[f32; 3]]| {
+            let mut k = 0;
+            while k < out.len() {
+                let end = (k + row.run(k, RUN).max(1)).min(out.len());
+                let receives = row.triangle(k).is_some_and(|t| surfaces.receives[t]);
+                if receives && !(end - k >= LEAST_RUN && shade_flat(row, k, &mut out[k..end])) {
+                    for (i, pixel) in out.iter_mut().enumerate().take(end).skip(k) {
+                        *pixel = row.fragment(i).map_or(*pixel, |fragment| shade(&fragment));
+                    }
+                }
+                k = end;
+            }
+        };
+        raster::draw_rows(
             &self.rays,
             view,
             &self.seen_surfaces,
             [1.0; 3],
-            shade,
+            shade_row,
             &mut self.samples,
             &mut self.ratio,
         );
     }
 
-    /// Real surfaces through the lens. Each pass that needs them does so itself: passes do not lean on each other.
+    /// Real surfaces through the lens. Each pass that needs them asks, as passes do not lean on each other; done once a view.
     fn project_surfaces(&mut self, input: &RelightInput<'_>, view: &View, quality: &Quality) {
-        self.rays.update(input.lens, quality.coverage_samples);
-        let surfaces = &self.surfaces;
-        self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
+        let changed = self.rays.update(input.lens, quality.coverage_samples);
+        if changed || self.seen_from != Some(*view) {
+            let surfaces = &self.surfaces;
+            self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
+            self.seen_from = Some(*view);
+        }
     }
 
     pub(super) fn composite(

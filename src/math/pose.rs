@@ -1,5 +1,9 @@
-//! Rigid transforms with unit quaternions, in f64.
+//! Rigid transforms with unit quaternions, in f64: `rigid` with glam's types.
 
+use super::{
+    rigid::{self, Quaternion, Rigid},
+    vector::Vector,
+};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// A rigid transform, named by what it maps: `world_from_camera.transform(p_camera)` is `p_world`.
@@ -71,13 +75,12 @@ impl Pose {
 
     /// `a_from_b.then(b_from_c)` is `a_from_c`; renormalised, so that chains do not drift.
     pub fn then(&self, inner: &Self) -> Self {
-        Self::new(self.rotation * inner.rotation, self.rotation * inner.translation + self.translation)
+        Rigid::from(*self).then(&(*inner).into()).into()
     }
 
     /// `a_from_b` becomes `b_from_a`.
     pub fn inverse(&self) -> Self {
-        let rotation = self.rotation.conjugate();
-        Self { rotation, translation: -(rotation * self.translation) }
+        Rigid::from(*self).inverse().into()
     }
 
     /// Short-arc interpolation: rotation by slerp (lerp when nearly equal), translation linearly.
@@ -87,50 +90,40 @@ impl Pose {
 
     /// Angle between two rotations, in radians, within [0, pi].
     pub fn angle_to(&self, other: &Self) -> f64 {
-        let delta = self.rotation.conjugate() * other.rotation;
-        2.0 * delta.xyz().length().atan2(delta.w.abs())
+        Rigid::from(*self).angle_to(&(*other).into())
     }
 }
 
 /// Unit length again; a zero or non-finite quaternion becomes the identity.
 pub fn renormalise(q: DQuat) -> DQuat {
-    let length = q.length();
-    if length.is_finite() && length > 1e-12 { q / length } else { DQuat::IDENTITY }
+    glam(Quaternion(q.to_array()).renormalised())
 }
 
-/// Short-arc spherical interpolation: flips the sign where the dot product is negative, and is linear
-/// where it exceeds 0.9995.
+/// Short-arc spherical interpolation ([`Quaternion::slerp`]).
 pub fn slerp(from: DQuat, to: DQuat, t: f64) -> DQuat {
-    let mut dot = from.dot(to);
-    let to = if dot < 0.0 { -to } else { to };
-    dot = dot.abs();
-    if dot > 0.9995 {
-        return renormalise(from * (1.0 - t) + to * t);
-    }
-    let angle = dot.clamp(-1.0, 1.0).acos();
-    let sine = angle.sin();
-    renormalise(from * (((1.0 - t) * angle).sin() / sine) + to * ((t * angle).sin() / sine))
+    glam(Quaternion(from.to_array()).slerp(Quaternion(to.to_array()), t))
 }
 
-/// The rotation nearest to a matrix in the sum of squares, U diag(1, 1, det U V^T) V^T of its decomposition U S V^T:
-/// the mean of rotations when given their sum (Section 3.2 of [Now11]), and the repair of one with noise.
-///
-/// It is the q that makes trace(R^T M) = q^T N q largest: the first eigenvector of the symmetric 4x4 matrix N. `None` where
-/// the matrix is not finite or leaves the rotation open (rank below 2).
+/// The rotation nearest to a matrix ([`rigid::nearest_rotation`]). `None` where the matrix is not finite or leaves
+/// the rotation open (rank below 2).
 pub fn nearest_rotation(matrix: DMat3) -> Option<DQuat> {
-    let [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] = matrix.to_cols_array_2d();
-    let (values, vectors) = super::solve::symmetric_eigen(&[
-        [xx + yy + zz, 0.0, 0.0, 0.0],
-        [zy - yz, xx - yy - zz, 0.0, 0.0],
-        [xz - zx, xy + yx, yy - xx - zz, 0.0],
-        [yx - xy, xz + zx, yz + zy, zz - xx - yy],
-    ])?;
-    let scale = values[0].abs().max(values[3].abs());
-    if !(values[0] - values[1] > 1e-12 * scale) {
-        return None;
+    rigid::nearest_rotation(&matrix.to_cols_array_2d().map(Vector)).map(glam)
+}
+
+fn glam(q: Quaternion<f64>) -> DQuat {
+    DQuat::from_array(q.0)
+}
+
+impl From<Pose> for Rigid<f64> {
+    fn from(pose: Pose) -> Self {
+        Self { rotation: Quaternion(pose.rotation.to_array()), translation: pose.translation.into() }
     }
-    let [w, x, y, z] = vectors[0];
-    Some(renormalise(DQuat::from_xyzw(x, y, z, w)))
+}
+
+impl From<Rigid<f64>> for Pose {
+    fn from(rigid: Rigid<f64>) -> Self {
+        Self { rotation: glam(rigid.rotation), translation: rigid.translation.into() }
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
-//! Small dense systems in f64: least squares by pivoted QR with a rank report, Cholesky, and the eigenvectors of
-//! symmetric matrices.
+//! Small dense systems: least squares by pivoted QR with a rank report and Cholesky, in f64, and the eigenvectors of
+//! symmetric matrices, in f32 or f64.
+
+use super::sh::Real;
+use std::cmp::Ordering;
 
 /// What least squares gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -126,8 +129,8 @@ pub fn solve_positive<const N: usize>(matrix: &[[f64; N]; N], right: [f64; N]) -
 
 /// Eigenvalues, largest first, and unit eigenvectors (`vectors[i]` belongs to `values[i]`) of a symmetric matrix by
 /// cyclic Jacobi rotations. Only the lower triangle is read. `None` where a number is not finite.
-pub fn symmetric_eigen<const N: usize>(matrix: &[[f64; N]; N]) -> Option<([f64; N], [[f64; N]; N])> {
-    let mut a = [[0.0; N]; N];
+pub fn symmetric_eigen<T: Real, const N: usize>(matrix: &[[T; N]; N]) -> Option<([T; N], [[T; N]; N])> {
+    let mut a = [[T::zero(); N]; N];
     for i in 0..N {
         for j in 0..=i {
             a[i][j] = matrix[i][j];
@@ -138,35 +141,39 @@ pub fn symmetric_eigen<const N: usize>(matrix: &[[f64; N]; N]) -> Option<([f64; 
         return None;
     }
     // Rows of v are the eigenvectors.
-    let mut v = [[0.0; N]; N];
+    let mut v = [[T::zero(); N]; N];
     for (i, row) in v.iter_mut().enumerate() {
-        row[i] = 1.0;
+        row[i] = T::one();
     }
-    let scale: f64 = a.iter().flatten().map(|v| v * v).sum();
+    let scale = a.iter().flatten().fold(T::zero(), |sum, v| sum + *v * *v);
+    // Off the diagonal next to nothing: 1e-34 of the sum of squares in f64.
+    let enough = scale * T::of(1e-34).max(T::of(1e-3) * T::epsilon() * T::epsilon());
     // Converges quadratically: 6 to 10 sweeps in practice.
     for _ in 0..50 {
-        let off: f64 = (0..N).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i][j] * a[i][j]).sum();
-        if !(off > scale * 1e-34) {
+        let below = (0..N).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let off = below.fold(T::zero(), |sum, (i, j)| sum + a[i][j] * a[i][j]);
+        if !(off > enough) {
             break;
         }
         for p in 0..N {
             for q in p + 1..N {
-                if a[p][q] != 0.0 {
+                if a[p][q] != T::zero() {
                     jacobi(&mut a, &mut v, p, q);
                 }
             }
         }
     }
     let mut order: [usize; N] = std::array::from_fn(|i| i);
-    order.sort_by(|i, j| a[*j][*j].total_cmp(&a[*i][*i]));
+    // All are finite: rotations keep the sum of squares, but for overflow.
+    order.sort_by(|i, j| a[*j][*j].partial_cmp(&a[*i][*i]).unwrap_or(Ordering::Equal));
     Some((order.map(|i| a[i][i]), order.map(|i| v[i])))
 }
 
 /// One rotation in the plane (p, q) that makes a_pq zero.
-fn jacobi<const N: usize>(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
-    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let c = 1.0 / t.hypot(1.0);
+fn jacobi<T: Real, const N: usize>(a: &mut [[T; N]; N], v: &mut [[T; N]; N], p: usize, q: usize) {
+    let theta = (a[q][q] - a[p][p]) / (T::of(2.0) * a[p][q]);
+    let t = theta.signum() / (theta.abs() + theta.hypot(T::one()));
+    let c = T::one() / t.hypot(T::one());
     let s = t * c;
     for row in a.iter_mut() {
         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
@@ -176,8 +183,8 @@ fn jacobi<const N: usize>(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize
         (v[p][k], v[q][k]) = (c * v[p][k] - s * v[q][k], s * v[p][k] + c * v[q][k]);
     }
     // Exactly, not up to rounding: the sweep must end.
-    a[p][q] = 0.0;
-    a[q][p] = 0.0;
+    a[p][q] = T::zero();
+    a[q][p] = T::zero();
 }
 
 #[cfg(test)]
@@ -208,7 +215,7 @@ mod tests {
         assert_eq!(solve_positive(&[[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0]), None);
         assert_eq!(solve_positive(&[[0.0; 2]; 2], [1.0, 1.0]), None);
         assert_eq!(symmetric_eigen(&[[f64::NAN]]), None);
-        assert_eq!(symmetric_eigen(&[[0.0; 2]; 2]).unwrap().0, [0.0; 2]);
+        assert_eq!(symmetric_eigen(&[[0.0_f64; 2]; 2]).unwrap().0, [0.0; 2]);
     }
 
     proptest! {

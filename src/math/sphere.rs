@@ -1,6 +1,6 @@
 //! Directions and solid angles on the sphere, and reflection by a mirror ball, in f64.
 
-use super::charts;
+use super::{charts, mirror_ball::mirrored};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -109,26 +109,16 @@ pub struct Reflection {
     pub distance: f64,
 }
 
-/// Mirrors a ray off a sphere, from outside. `direction` may have any length but zero. `None` where the ray
-/// misses, where the sphere is behind it, or where it starts inside.
+/// Mirrors a ray off a sphere, from outside ([`mirrored`]). `direction` may have any length but zero. `None` where
+/// the ray misses, where the sphere is behind it, or where it starts inside.
 pub fn reflect_off_sphere(origin: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> Option<Reflection> {
-    let d = direction.try_normalize()?;
-    let from_centre = origin - centre;
-    let along = from_centre.dot(d);
-    // Distance of the ray's line from the centre, from the rejected vector: no cancellation far away.
-    let miss = from_centre - along * d;
-    let discriminant = (radius - miss.length()) * (radius + miss.length());
-    let outside = from_centre.length() - radius;
-    if !(radius > 0.0 && discriminant >= 0.0 && along < 0.0 && outside > 0.0) {
-        return None;
-    }
-    let root = discriminant.sqrt();
-    // The near root as c / far root: stable where `-along - root` would cancel.
-    let distance = outside * (from_centre.length() + radius) / (root - along);
-    let normal = (miss - root * d) / radius;
-    let point = centre + radius * normal;
-    let reflected = (d - 2.0 * d.dot(normal) * normal).try_normalize()?;
-    distance.is_finite().then_some(Reflection { point, normal, reflected, distance })
+    let hit = mirrored(origin.into(), direction.into(), centre.into(), radius)?;
+    Some(Reflection {
+        point: hit.point.into(),
+        normal: hit.normal.into(),
+        reflected: hit.reflected.into(),
+        distance: hit.distance,
+    })
 }
 
 /// The point of a mirror ball in which `eye` sees the far direction `reflected` (any length but zero). `None`

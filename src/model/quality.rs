@@ -1,6 +1,6 @@
 //! All settings that trade accuracy for time, in one value that travels with the frame.
 
-use super::blocker::Rung;
+use super::{blocker::Rung, light::MAX_LIGHTS};
 use crate::math::sh::zonal::PhongNorm;
 
 /// What becomes of the light: how much of it is hard.
@@ -41,9 +41,9 @@ impl SplitKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SelfShadow {
     /// The soft light times the share of the hemisphere that each vertex leaves open.
-    #[default]
     Openness,
     /// By precomputed transfer, where the object never moves; else by its openness.
+    #[default]
     Transfer,
 }
 
@@ -65,6 +65,34 @@ impl SelfShadow {
     }
 }
 
+/// Where soft shadows on real surfaces are evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SoftAt {
+    /// For pixels, each or one of several (`Quality::soft_step_px`).
+    #[default]
+    Pixel,
+    /// At the vertices of the surfaces, cut as finely as the shadow asks, and interpolated between them.
+    Vertex,
+}
+
+impl SoftAt {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["pixel", "vertex"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pixel => "pixel",
+            Self::Vertex => "vertex",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Pixel, Self::Vertex].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
@@ -74,12 +102,18 @@ pub struct Quality {
     pub rung: Rung,
     /// Directions that the rung `directions` tests, 32 to 256.
     pub directions: usize,
-    /// Soft shadows on real surfaces are evaluated on every n-th pixel of every n-th row: 1, 2 or 4.
+    /// Where soft shadows on real surfaces are evaluated.
+    pub soft_at: SoftAt,
+    /// Soft shadows on real surfaces are drawn on every n-th pixel of every n-th row: 1, 2 or 4.
     pub soft_step_px: u32,
     /// The soft half is damped until it shines negatively on no surface, and no more.
     pub dering: bool,
+    /// Compact lights that are looked for: 1 to 4.
+    pub lights: usize,
     /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
     pub shadow_maps: usize,
+    /// Spheres that stand for every body that blocks soft light, 4 to 64; 0: as many as the scene asks for.
+    pub spheres: usize,
     /// SH order of the light, 2 to 6.
     pub sh_order: usize,
     /// How an object's own shadow under soft light is found.
@@ -104,11 +138,14 @@ impl Default for Quality {
             split: SplitKind::Compact,
             rung: Rung::Directions,
             directions: 128,
+            soft_at: SoftAt::Pixel,
             soft_step_px: 4,
             dering: false,
+            lights: MAX_LIGHTS,
             shadow_maps: 8,
+            spheres: 0,
             sh_order: 4,
-            self_shadow: SelfShadow::Openness,
+            self_shadow: SelfShadow::Transfer,
             phong_norm: PhongNorm::EnergySafe,
             shadow_map_texels: 1024,
             pcf_taps: 4,

@@ -10,6 +10,9 @@ use half::f16;
 pub struct ObjectTransfer {
     /// Vertex by vertex.
     pub rows: Vec<f16>,
+    /// Of a glossy object, for each vertex the order^2 coefficients of 1 - V, V(w) being 1 where nothing blocks (below the
+    /// vertex's horizon the mirror image of what is above); else empty.
+    pub blocked: Vec<f16>,
 }
 
 /// Of a scene.

@@ -2,7 +2,7 @@
 
 use crate::compose::{
     geometry::SurfaceGeometry,
-    raster::{self, Fragment, Projected, Rays, Sample, View},
+    raster::{self, Fragment, Projected, Rays, Samples, View},
     shade_object::{LightTerms, soft_over_pi, unshadowed},
 };
 use crate::math::{lens::Lens, pose::Pose};
@@ -18,7 +18,7 @@ pub struct GrayPlace {
     surfaces: SurfaceGeometry,
     rays: Rays,
     seen: Projected,
-    samples: Vec<Sample>,
+    samples: Samples,
 }
 
 impl GrayPlace {

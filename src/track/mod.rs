@@ -1,8 +1,10 @@
 //! Where the camera is: tags, their poses, the plane that they lie in.
 
+pub mod align;
 #[cfg(test)]
 pub(crate) mod drawing;
 pub mod edges;
+pub mod minima;
 pub mod plane;
 pub mod refine;
 pub mod rig_pose;

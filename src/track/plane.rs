@@ -130,12 +130,13 @@ fn rectangle(width_m: f64, depth_m: f64) -> [DVec3; 4] {
 /// Camera to world and rms of the best pose for known corners.
 fn settle(corners: &[DVec3; 4], corners_px: &[DVec2; 4], lens: &Lens) -> Option<(Pose, f64)> {
     let poses = solve_rectangle(corners, corners_px, 1.0, lens)?;
-    let mut sightings = [Sighting { point_object: DVec3::ZERO, pixel: DVec2::ZERO, sigma_px: 1.0 }; 4];
-    for ((s, point), pixel) in sightings.iter_mut().zip(corners).zip(corners_px) {
-        (s.point_object, s.pixel) = (*point, *pixel);
-    }
-    let refined = refine(&sightings, lens, &poses.best.camera_from_tag)?;
-    Some((refined.camera_from_object.inverse(), refined.rms_px))
+    let sightings: [Sighting; 4] = std::array::from_fn(|i| Sighting {
+        point_object: corners[i].into(),
+        pixel: corners_px[i].into(),
+        sigma_px: 1.0,
+    });
+    let refined = refine(&sightings, lens, &poses.best.camera_from_tag.into())?;
+    Some((refined.camera_from_object.inverse().into(), refined.rms_px))
 }
 
 /// Second side over first side of the rectangle that four corners show. With H = (h1 h2 h3) from the unit square

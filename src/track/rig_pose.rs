@@ -7,7 +7,6 @@ use super::{
 };
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::rig::TagPlacement;
-use glam::{DVec2, DVec3};
 
 /// What lens, placement and flatness may be wrong by, across one tag, beyond the corners' own noise, pixels;
 /// only for choosing.
@@ -105,9 +104,8 @@ impl RigPoseSolver {
                 self.candidates.push((0.0, placement.world_from_tag.then(&pose.camera_from_tag.inverse())));
             }
             for (corner, pixel) in corners_m.into_iter().zip(detection.corners_px) {
-                let point_object: DVec3 = placement.world_from_tag.transform(corner);
-                let pixel: DVec2 = pixel;
-                self.sightings.push(Sighting { point_object, pixel, sigma_px });
+                let point_object = placement.world_from_tag.transform(corner).into();
+                self.sightings.push(Sighting { point_object, pixel: pixel.into(), sigma_px });
             }
         }
         let sightings = &self.sightings;
@@ -120,12 +118,12 @@ impl RigPoseSolver {
     /// Refines a candidate over the tags that agree with it: all, if all do once refined.
     fn settle(&mut self, world_from_camera: Pose, lens: &Lens, prior: &Prior) -> Option<Settled> {
         let start = world_from_camera.inverse();
-        let all = refine(&self.sightings, lens, &start);
+        let all = refine(&self.sightings, lens, &start.into());
         let agrees = |tag: &[Sighting], pose: &Pose, limit| tag_rms(tag, lens, pose) < limit;
         let refined = match all {
             Some(all)
                 if (self.sightings.chunks_exact(4))
-                    .all(|tag| agrees(tag, &all.camera_from_object, OUTLIER_PX)) =>
+                    .all(|tag| agrees(tag, &all.camera_from_object.into(), OUTLIER_PX)) =>
             {
                 all
             }
@@ -136,14 +134,14 @@ impl RigPoseSolver {
                     for tag in self.sightings.chunks_exact(4).filter(|tag| agrees(tag, &pose, limit)) {
                         self.agreeing.extend_from_slice(tag);
                     }
-                    let better = refine(&self.agreeing, lens, &pose)?;
-                    pose = better.camera_from_object;
+                    let better = refine(&self.agreeing, lens, &pose.into())?;
+                    pose = better.camera_from_object.into();
                     refined = Some(better);
                 }
                 refined?
             }
         };
-        let camera_from_world = refined.camera_from_object;
+        let camera_from_world = Pose::from(refined.camera_from_object);
         let world_from_camera = camera_from_world.inverse();
         let corners = corner_cost(&self.sightings, lens, &world_from_camera);
         let cost = corners + prior.cost(&world_from_camera);
@@ -173,7 +171,8 @@ struct Settled {
 
 /// Root mean square of one tag's residuals, pixels; infinite where it cannot be seen.
 fn tag_rms(tag: &[Sighting], lens: &Lens, camera_from_world: &Pose) -> f64 {
-    chi_square(tag, lens, camera_from_world).map_or(f64::INFINITY, |c| (c / 8.0).sqrt() * tag[0].sigma_px)
+    chi_square(tag, lens, &(*camera_from_world).into())
+        .map_or(f64::INFINITY, |c| (c / 8.0).sqrt() * tag[0].sigma_px)
 }
 
 /// Squared standard deviations of one tag's corners, the model's own error included; cut for outliers.
@@ -190,7 +189,7 @@ fn corner_cost(sightings: &[Sighting], lens: &Lens, world_from_camera: &Pose) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DMat3, DQuat};
+    use glam::{DMat3, DQuat, DVec2, DVec3};
 
     const LENS: Lens = Lens::pinhole(640, 480, 520.0, 520.0, 320.0, 240.0);
 

@@ -7,13 +7,17 @@
 //! sides would leave a bright gap of the bias' width there), and open meshes cast shadows too. Only virtual
 //! objects are drawn: what real objects block is already in the camera's picture.
 
+mod draw;
+mod many;
+mod reach;
 mod set;
 
+pub use draw::ShadowMap;
+pub use many::FlatLight;
 pub use set::{ShadowMaps, side_of_each};
 
 use crate::math::sh::Real;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Free texels at each border of the map, so that a filter of up to 8 taps never looks past it from inside.
 pub const EDGE_TEXELS: f32 = 5.0;
@@ -26,8 +30,6 @@ pub const ROUNDING_TEXELS: f32 = 0.1;
 const LEAST_ACROSS: f64 = 96.0;
 /// Depth of an empty texel. Depths of casters are below 1.
 pub const EMPTY_DEPTH: f32 = 1.0;
-/// Vertices are snapped to this fraction of a texel, so that neighbours leave no gaps.
-const SUBTEXELS: f32 = 256.0;
 /// Rows of one unit of parallel work; fixed, so that no result depends on the number of threads.
 const BAND_ROWS: usize = 64;
 
@@ -167,6 +169,13 @@ pub fn lit(map: &[f32], texels: u32, taps: u32, x: f32, y: f32, depth: f32) -> f
     let (reach_x, reach_y) = (left + side as i32, top + side as i32);
     if left >= 0 && top >= 0 && reach_x < texels as i32 && reach_y < texels as i32 && side < 8 {
         // The usual case, all taps inside: the same sums in the same order.
+        let start = top as usize * size + left as usize;
+        // Where all taps agree their weights do not matter.
+        match taps_lit(map, size, start, side as usize + 1, reference) {
+            Some(true) => return 1.0,
+            Some(false) => return 0.0,
+            None => {}
+        }
         let mut weights_x = [0.0f32; 8];
         for (i, weight) in weights_x.iter_mut().enumerate().take(side as usize + 1) {
             *weight = tap_weight(i as u32, side, fx);
@@ -199,6 +208,27 @@ pub fn lit(map: &[f32], texels: u32, taps: u32, x: f32, y: f32, depth: f32) -> f
     sum / all // Exactly 0 or 1 where all taps agree.
 }
 
+/// Whether all of `taps` x `taps` texels from `start` on let the light through, or none; `None`: some do.
+#[inline(always)]
+fn taps_lit(map: &[f32], size: usize, start: usize, taps: usize, reference: f32) -> Option<bool> {
+    let mut lit = 0;
+    if taps == 4 {
+        for row in map[start..].chunks(size).take(4) {
+            let [a, b, c, d] = *row.first_chunk::<4>()?;
+            lit += [a, b, c, d].map(|stored| u32::from(reference <= stored)).iter().sum::<u32>();
+        }
+    } else {
+        for row in map[start..].chunks(size).take(taps) {
+            lit += row.iter().take(taps).filter(|stored| reference <= **stored).count() as u32;
+        }
+    }
+    match lit as usize {
+        0 => Some(false),
+        all if all == taps * taps => Some(true),
+        _ => None,
+    }
+}
+
 /// Overlap of tap `i` of `0..=side` with the filter's box that starts `fraction` into tap 0.
 fn tap_weight(i: u32, side: u32, fraction: f32) -> f32 {
     if side == 0 {
@@ -221,122 +251,6 @@ pub fn visibility(map: &[f32], camera: &ShadowCamera, taps: u32, point_world: Ve
     let bias =
         bias_m(camera.texel_m, 0.5 * taps as f32, cos_theta, max_bias_m) + ROUNDING_TEXELS * camera.texel_m;
     lit(map, camera.texels, taps, x, y, depth - bias / camera.depth_m)
-}
-
-/// The CPU's depth rasteriser and its memory.
-#[derive(Clone, Debug, Default)]
-pub struct ShadowMap {
-    depth: Vec<f32>,
-    vertices: Vec<Vertex>,
-}
-
-/// A projected vertex: column and row in 1/256 texel, and depth.
-#[derive(Clone, Copy, Debug, Default)]
-struct Vertex {
-    x: i32,
-    y: i32,
-    depth: f32,
-}
-
-impl ShadowMap {
-    /// Depths, row by row; `EMPTY_DEPTH` where nothing is.
-    pub fn depth(&self) -> &[f32] {
-        &self.depth
-    }
-
-    /// Takes depths that were drawn elsewhere.
-    pub fn set_depth(&mut self, depth: Vec<f32>) {
-        self.depth = depth;
-    }
-
-    /// Draws triangles (world frame, metres) into the map. A texel is covered where its centre lies inside
-    /// or on the edge of the triangle whose corners are snapped to 1/256 texel. Same result for any number of threads.
-    pub fn draw(&mut self, camera: &ShadowCamera, positions: &[Vec3], triangles: &[[u32; 3]]) {
-        let side = camera.texels as usize;
-        self.depth.resize(side * side, EMPTY_DEPTH);
-        self.vertices.resize(positions.len(), Vertex::default());
-        self.vertices.par_chunks_mut(1024).zip(positions.par_chunks(1024)).for_each(|(out, positions)| {
-            for (v, &p) in out.iter_mut().zip(positions) {
-                let [x, y, depth] = camera.map(p);
-                *v = Vertex { x: (x * SUBTEXELS).round() as i32, y: (y * SUBTEXELS).round() as i32, depth };
-            }
-        });
-        let vertices = &self.vertices;
-        self.depth.par_chunks_mut(BAND_ROWS * side).enumerate().for_each(|(band, rows)| {
-            rows.fill(EMPTY_DEPTH);
-            for triangle in triangles {
-                let corners = triangle.map(|i| vertices[i as usize]);
-                draw_triangle(&corners, side, band * BAND_ROWS, rows);
-            }
-        });
-    }
-}
-
-/// Draws one triangle into the rows that start at `first_row`.
-fn draw_triangle(v: &[Vertex; 3], side: usize, first_row: usize, rows: &mut [f32]) {
-    let unit = SUBTEXELS as i64;
-    let low_y = i64::from(v[0].y.min(v[1].y).min(v[2].y));
-    let high_y = i64::from(v[0].y.max(v[1].y).max(v[2].y));
-    // Row j has its centre at (j + 1/2) units: the first centre at or below low_y, the last at or above high_y.
-    let first = (low_y - unit / 2).div_ceil_signed(unit).max(first_row as i64);
-    let last = (high_y - unit / 2).div_euclid(unit).min((first_row + rows.len() / side) as i64 - 1);
-    if first > last {
-        return;
-    }
-    let p = v.map(|c| (i64::from(c.x), i64::from(c.y)));
-    let area = (p[1].0 - p[0].0) * (p[2].1 - p[0].1) - (p[2].0 - p[0].0) * (p[1].1 - p[0].1);
-    if area == 0 {
-        return;
-    }
-    let sign = area.signum();
-    // Depth is a plane over the map.
-    let (dx1, dy1) = ((p[1].0 - p[0].0) as f32, (p[1].1 - p[0].1) as f32);
-    let (dx2, dy2) = ((p[2].0 - p[0].0) as f32, (p[2].1 - p[0].1) as f32);
-    let (dz1, dz2) = (v[1].depth - v[0].depth, v[2].depth - v[0].depth);
-    let slope_x = (dz1 * dy2 - dz2 * dy1) / area as f32;
-    let slope_y = (dz2 * dx1 - dz1 * dx2) / area as f32;
-    let nearest = v[0].depth.min(v[1].depth).min(v[2].depth);
-    let farthest = v[0].depth.max(v[1].depth).max(v[2].depth);
-    for j in first..=last {
-        let y = j * unit + unit / 2;
-        let (mut start, mut end) = (0i64, side as i64 - 1);
-        for k in 0..3 {
-            let (a, b) = (p[k], p[(k + 1) % 3]);
-            // Inside where step * i + rest >= 0.
-            let step = -sign * (b.1 - a.1) * unit;
-            let rest = sign * ((b.0 - a.0) * (y - a.1) - (b.1 - a.1) * (unit / 2 - a.0));
-            if step > 0 {
-                start = start.max((-rest).div_ceil_signed(step));
-            } else if step < 0 {
-                end = end.min(rest.div_euclid(-step));
-            } else if rest < 0 {
-                end = -1;
-            }
-        }
-        if start > end {
-            continue;
-        }
-        let dy = (y - p[0].1) as f32;
-        let row = (j as usize - first_row) * side;
-        for i in start..=end {
-            let dx = (i * unit + unit / 2 - p[0].0) as f32;
-            // Slivers have steep planes: never outside of the corners' own range.
-            let z = (v[0].depth + slope_x * dx + slope_y * dy).max(nearest).min(farthest);
-            let slot = &mut rows[row + i as usize];
-            *slot = slot.min(z);
-        }
-    }
-}
-
-/// Division rounded up, for signed numbers and a positive divisor.
-trait DivCeil {
-    fn div_ceil_signed(self, divisor: Self) -> Self;
-}
-
-impl DivCeil for i64 {
-    fn div_ceil_signed(self, divisor: Self) -> Self {
-        -((-self).div_euclid(divisor))
-    }
 }
 
 #[cfg(test)]

@@ -98,17 +98,6 @@ pub fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Numbers of either precision as f64.
-pub trait Widen {
-    fn map_wide(&self) -> Vec<f64>;
-}
-
-impl<T: Precision> Widen for Vec<T> {
-    fn map_wide(&self) -> Vec<f64> {
-        self.iter().map(|v| v.wide()).collect()
-    }
-}
-
 /// A test of one entry in one precision.
 pub type Check = fn(&Entry);
 

@@ -30,6 +30,7 @@ fn box_mesh(low: Vec3, high: Vec3) -> Mesh {
 pub fn scene() -> Scene {
     let matt = Material::Lambert { albedo_rgb: [0.8, 0.5, 0.3] };
     let glossy = Material::Phong { albedo_rgb: [0.2, 0.3, 0.6], specular_rgb: [0.3; 3], exponent: 40.0 };
+    let satin = Material::Phong { albedo_rgb: [0.1; 3], specular_rgb: [0.5, 0.6, 0.4], exponent: 6.0 };
     let mirror = Material::Mirror { reflectance_rgb: [0.9; 3] };
     let cube = VirtualObject {
         name: "cube".into(),
@@ -50,6 +51,8 @@ pub fn scene() -> Scene {
             cube,
             sphere("glossy", 20, Vec3::new(0.15, -0.12, 0.05), 0.05, glossy),
             sphere("mirror", 20, Vec3::new(-0.15, -0.1, 0.06), 0.06, mirror),
+            sphere("satin", 20, Vec3::new(-0.06, -0.17, 0.04), 0.04, satin),
+            sphere("free", 16, Vec3::new(0.17, 0.06, 0.04), 0.04, satin),
         ],
         surfaces: vec![
             surface("ground", shapes::plane_z0(50.0), true),
@@ -67,13 +70,17 @@ pub fn scene() -> Scene {
             body("cube", 1, Vec3::ZERO, &[(Vec3::new(-0.17, 0.17, 0.07), 0.09)]),
             body("glossy", 2, Vec3::new(0.15, -0.12, 0.05), &[(Vec3::ZERO, 0.05)]),
             body("mirror", 3, Vec3::new(-0.15, -0.1, 0.06), &[(Vec3::ZERO, 0.06)]),
+            body("satin", 4, Vec3::new(-0.06, -0.17, 0.04), &[(Vec3::ZERO, 0.04)]),
+            body("free", 5, Vec3::new(0.17, 0.06, 0.04), &[(Vec3::ZERO, 0.04)]),
         ],
         ..Scene::default()
     };
-    // The matt ball and the cube answer by precomputed transfer, the others by their openness.
+    // The cube, the satin and one glossy ball answer by precomputed transfer, the others by their openness and the spheres of
+    // all others.
     let mut transfer = halflight::assets::transfer::of_scene(&scene, 4, 32, None, &|_| ());
-    transfer.objects[2] = None;
-    transfer.objects[3] = None;
+    for object in [0, 3, 5] {
+        transfer.objects[object] = None;
+    }
     scene.transfer = Some(std::sync::Arc::new(transfer));
     scene
 }

@@ -67,7 +67,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let mut sink = Collector::new(&arguments, total);
     let engine = prepared.engine.clone();
     let (counts, passes) =
-        run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
+        run_prepared(prepared, &settings, None, &mut sink).map_err(|e| CliError(e.to_string()))?;
     sink.progress.finish_and_clear();
     if counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));

@@ -9,11 +9,13 @@
 
 mod projected;
 mod rays;
+mod rows;
 
 pub use projected::Projected;
 pub use rays::{Rays, SAMPLES};
+pub use rows::{Points, Row};
 
-use crate::math::pose::Pose;
+use crate::math::{pose::Pose, widest::widest};
 use crate::model::image::Image;
 use glam::{Mat3, Vec3};
 use projected::Setup;
@@ -28,7 +30,7 @@ pub const CONTACT_SHARE: f32 = 1e-4;
 const NONE: u32 = u32::MAX;
 
 /// Camera pose in f32, as the kernels use it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Camera to world.
     pub world_from_camera: Mat3,
@@ -58,17 +60,17 @@ pub struct Fragment {
     pub pixel: usize,
 }
 
-/// The nearest triangle of a coverage sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    distance: f32,
-    triangle: u32,
+/// The nearest triangle of each coverage sample: working memory.
+#[derive(Clone, Debug, Default)]
+pub struct Samples {
+    distances: Vec<f32>,
+    triangles: Vec<u32>,
 }
 
-impl Default for Sample {
-    /// Nothing met.
-    fn default() -> Self {
-        Self { distance: f32::INFINITY, triangle: NONE }
+impl Samples {
+    fn resize(&mut self, count: usize) {
+        self.distances.resize(count, f32::INFINITY);
+        self.triangles.resize(count, NONE);
     }
 }
 
@@ -82,46 +84,57 @@ pub fn draw_objects(
     objects: &Projected,
     occluders: &Projected,
     shade: impl Fn(&Fragment) -> [f32; 3] + Sync,
-    samples: &mut Vec<Sample>,
+    samples: &mut Samples,
     out: &mut Image<[f32; 4]>,
 ) {
     let (width, height, count) = (rays.width(), rays.height(), rays.samples_a_pixel);
     out.reshape(width, height, [0.0; 4]);
-    samples.resize(width * height * count, Sample::default());
+    samples.resize(width * height * count);
     let band_samples = (BAND_ROWS * width * count).max(1);
     let rows = out.pixels_mut().par_chunks_mut((BAND_ROWS * width).max(1));
-    let samples = samples.par_chunks_mut(band_samples);
-    let directions = rays.samples.par_chunks(band_samples);
-    rows.zip(samples).zip(directions).enumerate().for_each(|(band, ((layer, samples), directions))| {
+    let distances = samples.distances.par_chunks_mut(band_samples);
+    let triangles = samples.triangles.par_chunks_mut(band_samples);
+    rows.zip(distances).zip(triangles).enumerate().for_each(|(band, ((layer, distances), triangles))| {
         layer.fill([0.0; 4]);
         if objects.bin(band).is_empty() {
             return;
         }
-        samples.fill(Sample::default());
-        let whole = Part { first_row: band * BAND_ROWS, width, count, columns: [0, width as i32 - 1] };
+        let start = band * band_samples;
+        let part = Part {
+            first_row: band * BAND_ROWS,
+            width,
+            count,
+            columns: [0, width as i32 - 1],
+            rays: rays.samples.part(start..start + distances.len()),
+        };
         let mut columns = [i32::MAX, -1];
         for &triangle in objects.bin(band) {
             let setup = &objects.setups[triangle as usize];
             columns = [columns[0].min(setup.columns[0]), columns[1].max(setup.columns[1])];
-            cover(setup, &whole, directions, samples, |sample, distance| {
-                if distance < sample.distance {
-                    *sample = Sample { distance, triangle };
-                }
-            });
         }
-        let touched = Part { columns, ..whole };
-        for &triangle in occluders.bin(band) {
-            let setup = &occluders.setups[triangle as usize];
-            cover(setup, &touched, directions, samples, |sample, distance| {
-                if distance < sample.distance * (1.0 - CONTACT_SHARE) {
-                    sample.triangle = NONE;
+        let touched = Part { columns, ..part };
+        widest(
+            #[inline(always)]
+            || {
+                distances.fill(f32::INFINITY);
+                triangles.fill(NONE);
+                for &triangle in objects.bin(band) {
+                    let setup = &objects.setups[triangle as usize];
+                    cover(setup, &part, distances, triangles, nearest(triangle));
                 }
-            });
-        }
-        let pixels = layer.iter_mut().zip(samples.chunks(count)).zip(directions.chunks(count));
-        for ((pixel, samples), directions) in pixels {
-            if samples.iter().any(|s| s.triangle != NONE) {
-                *pixel = resolve(objects, view, samples, directions, &shade);
+                for &triangle in occluders.bin(band) {
+                    let setup = &occluders.setups[triangle as usize];
+                    cover(setup, &touched, distances, triangles, |distance, seen| {
+                        let hides = distance < seen.0 * (1.0 - CONTACT_SHARE);
+                        (seen.0, if hides { NONE } else { seen.1 })
+                    });
+                }
+            },
+        );
+        for (k, (pixel, triangles)) in layer.iter_mut().zip(triangles.chunks(count)).enumerate() {
+            if triangles.iter().any(|&t| t != NONE) {
+                let rays = part.rays.map(|axis| &axis[k * count..(k + 1) * count]);
+                *pixel = resolve(objects, view, triangles, rays, &shade);
             }
         }
     });
@@ -135,73 +148,111 @@ pub fn draw_surfaces<P: Copy + Send + Sync>(
     surfaces: &Projected,
     background: P,
     shade: impl Fn(&Fragment) -> P + Sync,
-    samples: &mut Vec<Sample>,
+    samples: &mut Samples,
+    out: &mut Image<P>,
+) {
+    let each = |row: &Row<'_>, out: &mut [P]| {
+        for (k, pixel) in out.iter_mut().enumerate() {
+            if let Some(fragment) = row.fragment(k) {
+                *pixel = shade(&fragment);
+            }
+        }
+    };
+    draw_rows(rays, view, surfaces, background, each, samples, out);
+}
+
+/// [`draw_surfaces`] row by row: `shade` is given a row and its pixels, all `background`.
+pub fn draw_rows<P: Copy + Send + Sync>(
+    rays: &Rays,
+    view: &View,
+    surfaces: &Projected,
+    background: P,
+    shade: impl Fn(&Row<'_>, &mut [P]) + Sync,
+    samples: &mut Samples,
     out: &mut Image<P>,
 ) {
     let (width, height) = (rays.width(), rays.height());
     out.reshape(width, height, background);
-    samples.resize(width * height, Sample::default());
+    samples.resize(width * height);
     let band_pixels = (BAND_ROWS * width).max(1);
     let rows = out.pixels_mut().par_chunks_mut(band_pixels);
-    let samples = samples.par_chunks_mut(band_pixels);
-    let directions = rays.centres.par_chunks(band_pixels);
-    rows.zip(samples).zip(directions).enumerate().for_each(|(band, ((row, samples), directions))| {
-        row.fill(background);
-        samples.fill(Sample::default());
-        let whole = Part { first_row: band * BAND_ROWS, width, count: 1, columns: [0, width as i32 - 1] };
-        for &triangle in surfaces.bin(band) {
-            cover(&surfaces.setups[triangle as usize], &whole, directions, samples, |sample, distance| {
-                if distance < sample.distance {
-                    *sample = Sample { distance, triangle };
+    let distances = samples.distances.par_chunks_mut(band_pixels);
+    let triangles = samples.triangles.par_chunks_mut(band_pixels);
+    rows.zip(distances).zip(triangles).enumerate().for_each(|(band, ((out, distances), triangles))| {
+        out.fill(background);
+        let start = band * band_pixels;
+        let part = Part {
+            first_row: band * BAND_ROWS,
+            width,
+            count: 1,
+            columns: [0, width as i32 - 1],
+            rays: rays.centres.part(start..start + distances.len()),
+        };
+        widest(
+            #[inline(always)]
+            || {
+                distances.fill(f32::INFINITY);
+                triangles.fill(NONE);
+                for &triangle in surfaces.bin(band) {
+                    let setup = &surfaces.setups[triangle as usize];
+                    cover(setup, &part, distances, triangles, nearest(triangle));
                 }
-            });
-        }
-        for (k, ((pixel, sample), &ray)) in row.iter_mut().zip(samples).zip(directions).enumerate() {
-            if sample.triangle != NONE {
-                let fragment = surfaces.fragment(view, sample.triangle, ray);
-                *pixel = shade(&Fragment { pixel: band * band_pixels + k, ..fragment });
-            }
+            },
+        );
+        for (y, (out, triangles)) in out.chunks_mut(width).zip(triangles.chunks(width)).enumerate() {
+            let rays = part.rays.map(|axis| &axis[y * width..(y + 1) * width]);
+            shade(&Row { surfaces, view, first: start + y * width, triangles, rays }, out);
         }
     });
 }
 
-/// A part of the picture: some rows, and some of their columns.
+/// A part of the picture: some rows, and some of their columns; the rays of its rows.
 #[derive(Clone, Copy)]
-struct Part {
+struct Part<'a> {
     first_row: usize,
     width: usize,
     count: usize,
     columns: [i32; 2],
+    rays: [&'a [f32]; 3],
 }
 
-/// Calls `meet` with each sample of a part that a triangle covers, and the distance there.
+/// The nearer triangle stays, of equal ones the first.
+#[inline(always)]
+fn nearest(triangle: u32) -> impl Fn(f32, (f32, u32)) -> (f32, u32) {
+    move |distance, seen| if distance < seen.0 { (distance, triangle) } else { seen }
+}
+
+/// For each sample of a part that a triangle covers, makes of the distance there and of what it has seen (distance and
+/// triangle) what it sees now.
+#[inline(always)]
 fn cover(
     setup: &Setup,
-    part: &Part,
-    directions: &[Vec3],
-    samples: &mut [Sample],
-    meet: impl Fn(&mut Sample, f32),
+    part: &Part<'_>,
+    distances: &mut [f32],
+    triangles: &mut [u32],
+    see: impl Fn(f32, (f32, u32)) -> (f32, u32),
 ) {
-    let Part { first_row, width, count, columns } = *part;
+    let Part { first_row, width, count, columns, rays } = *part;
     let columns = [setup.columns[0].max(columns[0]), setup.columns[1].min(columns[1])];
     if columns[0] > columns[1] {
         return;
     }
-    let rows = samples.len() / (width * count);
+    let rows = distances.len() / (width * count);
     let top = (setup.rows[0] as usize).max(first_row) - first_row;
     let bottom = (setup.rows[1] as usize).min(first_row + rows - 1) - first_row;
+    let ([a, b, c], normal) = (setup.edges, setup.normal);
     for y in top..=bottom {
         let start = (y * width + columns[0] as usize) * count;
         let end = (y * width + columns[1] as usize + 1) * count;
-        for (sample, &ray) in samples[start..end].iter_mut().zip(&directions[start..end]) {
-            let facing = setup.normal.dot(ray);
-            if setup.edges[0].dot(ray) >= 0.0
-                && setup.edges[1].dot(ray) >= 0.0
-                && setup.edges[2].dot(ray) >= 0.0
-                && facing > 0.0
-            {
-                meet(sample, setup.distance / facing);
-            }
+        let [x, y, z] = rays.map(|axis| &axis[start..end]);
+        let seen = distances[start..end].iter_mut().zip(&mut triangles[start..end]);
+        for (((distance, triangle), (x, y)), z) in seen.zip(x.iter().zip(y)).zip(z) {
+            let ray = Vec3::new(*x, *y, *z);
+            let facing = normal.dot(ray);
+            let inside = (a.dot(ray) >= 0.0) & (b.dot(ray) >= 0.0) & (c.dot(ray) >= 0.0) & (facing > 0.0);
+            let now = see(setup.distance / facing, (*distance, *triangle));
+            *distance = if inside { now.0 } else { *distance };
+            *triangle = if inside { now.1 } else { *triangle };
         }
     }
 }
@@ -210,24 +261,21 @@ fn cover(
 fn resolve(
     objects: &Projected,
     view: &View,
-    samples: &[Sample],
-    directions: &[Vec3],
+    triangles: &[u32],
+    rays: [&[f32]; 3],
     shade: &impl Fn(&Fragment) -> [f32; 3],
 ) -> [f32; 4] {
-    let weight = 1.0 / samples.len() as f32;
+    let weight = 1.0 / triangles.len() as f32;
     let mut pixel = [0.0f32; 4];
-    for (k, sample) in samples.iter().enumerate() {
-        let triangle = sample.triangle;
-        if triangle == NONE || samples[..k].iter().any(|s| s.triangle == triangle) {
+    for (k, &triangle) in triangles.iter().enumerate() {
+        if triangle == NONE || triangles[..k].contains(&triangle) {
             continue;
         }
         let mut ray = Vec3::ZERO;
         let mut share = 0.0;
-        for (other, &direction) in samples.iter().zip(directions) {
-            if other.triangle == triangle {
-                ray += direction;
-                share += weight;
-            }
+        for (i, _) in triangles.iter().enumerate().filter(|(_, other)| **other == triangle) {
+            ray += Vec3::from_array(rays.map(|axis| axis[i]));
+            share += weight;
         }
         let radiance = shade(&objects.fragment(view, triangle, ray.normalize_or_zero()));
         for (slot, c) in pixel.iter_mut().zip(radiance) {

@@ -38,7 +38,7 @@ fn draw_behind(
     let (objects, occluders) = (project(&rays, &view, geometry), project(&rays, &view, real));
     let mut out = Image::default();
     let shade = |f: &Fragment| f.point_world.to_array();
-    draw_objects(&rays, &view, &objects, &occluders, shade, &mut Vec::new(), &mut out);
+    draw_objects(&rays, &view, &objects, &occluders, shade, &mut Samples::default(), &mut out);
     out
 }
 
@@ -162,7 +162,7 @@ fn surfaces_are_met_at_pixel_centres_nearest_first() {
         let projected = project(&rays, &view, &geometry);
         let mut met = Image::default();
         let shade = |f: &Fragment| f.point_world.to_array();
-        draw_surfaces(&rays, &view, &projected, [9.0; 3], shade, &mut Vec::new(), &mut met);
+        draw_surfaces(&rays, &view, &projected, [9.0; 3], shade, &mut Samples::default(), &mut met);
         let layer = draw(&lens, &pose, &geometry, 1);
         for (a, b) in met.pixels().iter().zip(layer.pixels()) {
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} {b:?}");
@@ -193,5 +193,40 @@ fn a_triangle_through_the_cameras_plane_is_drawn_where_it_is_in_front() {
                 assert_eq!(pixel, 0.0, "{:?} row {y}", lens.distortion);
             }
         }
+    }
+}
+
+#[test]
+fn neighbours_in_a_row_get_their_own_fragments_bit_for_bit() {
+    let pose = Pose::look_at(DVec3::new(0.3, -0.2, 0.1), DVec3::new(1.0, 2.0, 0.5), DVec3::Z);
+    let geometry = room();
+    for lens in lenses() {
+        let mut rays = Rays::default();
+        assert!(rays.update(&lens, 4) && !rays.update(&lens, 4));
+        let view = View::of(&pose);
+        let projected = project(&rays, &view, &geometry);
+        let mut counts = Image::default();
+        let shade = |row: &Row<'_>, out: &mut [usize]| {
+            let mut k = 0;
+            while k < out.len() {
+                let count = row.run(k, 8);
+                assert!((1..=8).contains(&count));
+                let points = row.points::<8>(k, count).unwrap();
+                for lane in 0..8 {
+                    let fragment = row.fragment(k + lane.min(count - 1)).unwrap();
+                    assert_eq!(Some(fragment.triangle), row.triangle(k));
+                    assert_eq!(fragment.pixel, row.pixel(k + lane.min(count - 1)));
+                    assert_eq!(fragment.point_world.to_array(), points.point_world.map(|axis| axis[lane]));
+                    assert_eq!((-fragment.to_eye).to_array(), points.away.map(|axis| axis[lane]));
+                }
+                let facet = geometry.facet_normals[row.triangle(k).unwrap()];
+                let front = (k..k + count).all(|k| facet.dot(row.fragment(k).unwrap().to_eye) >= 0.0);
+                assert_eq!(points.see_front(facet), front);
+                out[k..k + count].fill(count);
+                k += count;
+            }
+        };
+        draw_rows(&rays, &view, &projected, 0, shade, &mut Samples::default(), &mut counts);
+        assert!(counts.pixels().iter().filter(|c| **c == 8).count() > 3000);
     }
 }

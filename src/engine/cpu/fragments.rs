@@ -4,6 +4,7 @@ use crate::compose::{
     geometry::{ObjectGeometry, SurfaceGeometry},
     raster::Fragment,
     shade_object::ObjectPoint,
+    transferred::Transferred,
 };
 use crate::math::lens::Lens;
 use glam::Vec3;
@@ -26,20 +27,23 @@ pub fn coarse_lens(lens: &Lens, step: u32) -> Lens {
 /// shaded like fronts.
 pub fn object_point(
     objects: &ObjectGeometry,
-    transferred: &[[f32; 4]],
+    transferred: &Transferred,
     fragment: &Fragment,
 ) -> (ObjectPoint, Vec3) {
     let corners = objects.triangles[fragment.triangle].map(|i| i as usize);
     let weights = fragment.barycentric;
     let mut normal = Vec3::ZERO;
     let mut tint_openness = [0.0f32; 4];
-    let mut soft = [0.0f32; 4];
+    let (mut soft, mut gloss) = ([0.0f32; 4], [0.0f32; 4]);
     for (&i, w) in corners.iter().zip(weights) {
         normal += w * objects.normals[i];
         for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {
             *slot += w * c;
         }
-        for (slot, c) in soft.iter_mut().zip(transferred[i]) {
+        for (slot, c) in soft.iter_mut().zip(transferred.soft()[i]) {
+            *slot += w * c;
+        }
+        for (slot, c) in gloss.iter_mut().zip(transferred.gloss()[i]) {
             *slot += w * c;
         }
     }
@@ -52,8 +56,8 @@ pub fn object_point(
         normal,
         to_eye: fragment.to_eye,
         tint_openness,
-        // All corners of a triangle have it, or none.
-        transferred_rgb: (soft[3] > 0.5).then_some([soft[0], soft[1], soft[2]]),
+        soft,
+        gloss,
     };
     (point, facet)
 }

@@ -68,6 +68,7 @@ pub const SHADOW_MAPS: Kernel = Kernel {
 };
 
 /// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture; `fragment` is the rung `directions`.
+/// At vertices the vertex stages evaluate, and `interpolated` hands on.
 pub const SOFT_SHADOW: Kernel = Kernel {
     pass: Pass::SoftShadow,
     sources: &[
@@ -77,7 +78,7 @@ pub const SOFT_SHADOW: Kernel = Kernel {
         source!("shared/blockers"),
         source!("compose/soft_shadow"),
     ],
-    entries: &["vertex", "fragment", "ladder"],
+    entries: &["vertex", "fragment", "ladder", "vertex_directions", "vertex_ladder", "interpolated"],
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("soft", BindingKind::Uniform),

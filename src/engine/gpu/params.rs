@@ -303,8 +303,10 @@ pub struct ObjectVertex {
     pub normal: [f32; 3],
     /// Tint and openness.
     pub tint_openness: [f32; 4],
-    /// What a white matt surface radiates here under the soft half by precomputed transfer, and 1; 0: there is none.
+    /// Soft light on what is matt, as in `Transferred::soft`.
     pub soft: [f32; 4],
+    /// Soft light on what is glossy, as in `Transferred::gloss`.
+    pub gloss: [f32; 4],
 }
 
 /// A vertex of a real surface.

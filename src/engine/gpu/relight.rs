@@ -24,7 +24,7 @@ use crate::{
         shade_object::{LightTerms, Surroundings},
     },
     engine::{EngineError, RelightInput, cpu},
-    model::{picture::Picture, scene::Scene},
+    model::{picture::Picture, quality::SoftAt, scene::Scene},
     plan::{FramePlan, Pass},
 };
 
@@ -98,9 +98,6 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
-        if self.twins.transferred.update(&light, quality.self_shadow) {
-            self.scene.moved(0..self.twins.objects.positions.len());
-        }
         if self.twins.pose(input) {
             let objects = input.posed.map_or(&[][..], Posed::objects).iter();
             for (_, (vertices, _)) in
@@ -109,13 +106,19 @@ impl Relighter {
                 self.scene.moved(vertices.clone());
             }
         }
+        if plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject) {
+            self.twins.prepare_vertices(input, &camera, &light, quality);
+            for vertices in self.twins.transferred.changed() {
+                self.scene.moved(vertices);
+            }
+        }
         if [Pass::ShadowMaps, Pass::SoftShadow, Pass::ShadeObject, Pass::ShadeSurface]
             .iter()
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
             let cut = self.domain.cut(input.lens, &camera);
-            let soft = self.twins.transferred.rgb();
-            self.scene.update(context, &self.twins.objects, soft, &self.twins.surfaces, cut);
+            let (objects, transferred) = (&self.twins.objects, &self.twins.transferred);
+            self.scene.update(context, objects, transferred, &self.twins.surfaces, cut);
         }
         let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
 
@@ -158,6 +161,12 @@ impl Relighter {
                         recorder.host(pass, || twins.soft_shadow(input, &camera, &light, quality));
                         exchange.soft_place = Place::Host;
                     } else {
+                        let at_vertices = quality.soft_at == SoftAt::Vertex;
+                        if at_vertices {
+                            twins.lay_grid(input, &camera);
+                            let cut = self.domain.cut(input.lens, &camera);
+                            self.scene.upload_grid(context, &twins.grid, cut);
+                        }
                         let kernel = ready(&mut self.soft_shadow, context, SoftShadow::new)?;
                         let picture = &mut exchange.soft;
                         kernel.run(
@@ -168,6 +177,7 @@ impl Relighter {
                                 blockers: &twins.blockers,
                                 transfer: &twins.transfer,
                                 planes: &twins.planes,
+                                at_vertices,
                             },
                             picture,
                         )?;
@@ -188,7 +198,6 @@ impl Relighter {
                         cameras: &cameras,
                         shadow_maps: &exchange.shadow_to_device(&recorder, twins)?,
                     };
-                    twins.prepare_reflected(input);
                     let order = light.order;
                     let (picture, norm) = (input.environment, quality.phong_norm);
                     let surroundings = Surroundings::new(picture, &twins.reflected, norm, order);

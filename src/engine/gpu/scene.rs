@@ -5,11 +5,7 @@
 //! what is in view is cut anew for every pose, until no edge looks long from the eye; through a pinhole the triangles
 //! stay as they are.
 
-use std::{
-    collections::HashMap,
-    hash::{BuildHasherDefault, Hasher},
-    ops::Range,
-};
+use std::ops::Range;
 
 use glam::Vec3;
 
@@ -19,6 +15,11 @@ use super::{
     params::{MaterialTerms, ObjectVertex, SurfaceVertex},
 };
 use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
+use crate::compose::{
+    halving::{Halve, Halving, distance_to_segment},
+    soft_grid::{GridVertex, SoftGrid},
+    transferred::Transferred,
+};
 
 /// Bytes from one material to the next: the largest alignment that a device may ask for.
 pub const MATERIAL_STRIDE: usize = 256;
@@ -99,13 +100,16 @@ pub struct SceneBuffers {
     moved: Vec<Range<usize>>,
     /// On their way to the device; kept from frame to frame.
     vertices: Vec<ObjectVertex>,
+    halving: Halving,
+    /// Surfaces as a grid for soft shadows at its vertices.
+    grid: Mesh,
     /// Boxes around objects and around surfaces: low and high corner.
     boxes: [Option<(Vec3, Vec3)>; 2],
 }
 
 impl SceneBuffers {
     /// Nothing yet.
-    pub const fn new() -> Self {
+    pub fn new() -> Self {
         Self {
             casters: Mesh::new(),
             objects: Mesh::new(),
@@ -115,6 +119,8 @@ impl SceneBuffers {
             uploaded: None,
             moved: Vec::new(),
             vertices: Vec::new(),
+            halving: Halving::default(),
+            grid: Mesh::new(),
             boxes: [None; 2],
         }
     }
@@ -136,7 +142,7 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
-        soft: &[[f32; 4]],
+        soft: &Transferred,
         surfaces: &SurfaceGeometry,
         cut: Option<Cut>,
     ) {
@@ -159,7 +165,7 @@ impl SceneBuffers {
         self.uploaded = Some(cut);
     }
 
-    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry, soft: &[[f32; 4]]) {
+    fn upload_moved(&mut self, context: &GpuContext, objects: &ObjectGeometry, soft: &Transferred) {
         for range in &self.moved {
             let vertices = &mut self.vertices;
             vertices.clear();
@@ -176,7 +182,7 @@ impl SceneBuffers {
         &mut self,
         context: &GpuContext,
         objects: &ObjectGeometry,
-        soft: &[[f32; 4]],
+        soft: &Transferred,
         cut: Option<Cut>,
     ) {
         let mut vertices = std::mem::take(&mut self.vertices);
@@ -188,7 +194,7 @@ impl SceneBuffers {
         let materials = objects.material_of_triangle.iter().copied();
         let mut triangles: Vec<_> = objects.triangles.iter().copied().zip(materials).collect();
         if let Some(cut) = cut {
-            triangles = cut_long_edges(&mut vertices, &triangles, cut);
+            triangles = cut_long_edges(&mut self.halving, &mut vertices, &triangles, cut);
             let triangles: Vec<_> = triangles.iter().map(|&(corners, _)| corners).collect();
             self.objects.write(context, &vertices, &triangles);
         }
@@ -234,7 +240,7 @@ impl SceneBuffers {
             .collect();
         let mut triangles: Vec<_> = surfaces.triangles.iter().map(|&corners| (corners, ())).collect();
         if let Some(cut) = cut {
-            triangles = cut_long_edges(&mut vertices, &triangles, cut);
+            triangles = cut_long_edges(&mut self.halving, &mut vertices, &triangles, cut);
         }
         let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
         self.surfaces.write(context, &vertices, &triangles);
@@ -279,6 +285,28 @@ impl SceneBuffers {
         }
     }
 
+    /// Uploads the grid of a frame; `cut`: if the lens has distortion.
+    pub fn upload_grid(&mut self, context: &GpuContext, grid: &SoftGrid, cut: Option<Cut>) {
+        let vertex = |v: &GridVertex| SurfaceVertex {
+            position: four(v.position_world.to_array(), if v.receiver == u32::MAX { 0.0 } else { 1.0 }),
+            normal: v.normal.to_array(),
+        };
+        let mut vertices: Vec<_> = grid.vertices().iter().map(vertex).collect();
+        let Some(cut) = cut else { return self.grid.write(context, &vertices, grid.triangles()) };
+        let triangles: Vec<_> = grid.triangles().iter().map(|&corners| (corners, ())).collect();
+        let triangles = cut_long_edges(&mut self.halving, &mut vertices, &triangles, cut);
+        let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
+        self.grid.write(context, &vertices, &triangles);
+    }
+
+    /// Draws the grid.
+    pub fn draw_grid(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        if self.grid.count > 0 {
+            self.grid.bind(context, pass);
+            pass.draw_indexed(0..self.grid.count, 0, 0..1);
+        }
+    }
+
     /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
     /// may begin.
     pub fn near_m(&self, eye: Vec3) -> f32 {
@@ -293,19 +321,18 @@ impl SceneBuffers {
     }
 }
 
-/// Vertices of a range as the device has them; `soft`: one for each vertex.
+/// Vertices of a range as the device has them.
 fn object_vertices<'a>(
     objects: &'a ObjectGeometry,
-    soft: &'a [[f32; 4]],
+    soft: &'a Transferred,
     range: Range<usize>,
 ) -> impl Iterator<Item = ObjectVertex> + use<'a> {
     let points = objects.positions[range.clone()].iter().zip(&objects.normals[range.clone()]);
-    let answers = objects.tint_openness[range.clone()].iter().zip(&soft[range]);
-    points.zip(answers).map(|((position, normal), (&tint_openness, &soft))| ObjectVertex {
-        position: position.to_array(),
-        normal: normal.to_array(),
-        tint_openness,
-        soft,
+    let answers = soft.soft()[range.clone()].iter().zip(&soft.gloss()[range.clone()]);
+    let answers = objects.tint_openness[range].iter().zip(answers);
+    points.zip(answers).map(|((position, normal), (&tint_openness, (&soft, &gloss)))| {
+        let (position, normal) = (position.to_array(), normal.to_array());
+        ObjectVertex { position, normal, tint_openness, soft, gloss }
     })
 }
 
@@ -317,12 +344,6 @@ fn box_around(positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
     let mut finite = positions.iter().copied().filter(|p| p.is_finite());
     let first = finite.next()?;
     Some(finite.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
-}
-
-/// A vertex that can be halved with another.
-trait Halve: Copy {
-    fn position(&self) -> Vec3;
-    fn between(&self, other: &Self) -> Self;
 }
 
 fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
@@ -340,6 +361,7 @@ impl Halve for ObjectVertex {
             normal: mean(self.normal, other.normal),
             tint_openness: mean(self.tint_openness, other.tint_openness),
             soft: mean(self.soft, other.soft),
+            gloss: mean(self.gloss, other.gloss),
         }
     }
 }
@@ -354,77 +376,19 @@ impl Halve for SurfaceVertex {
     }
 }
 
-/// Halves every edge that looks longer than a limit from the eye, the longest of a triangle first, and leaves out
-/// what is not in view. Whether an edge is cut, and where, depends on the edge alone, so that neighbours stay without
-/// gaps. Pieces keep the order of their triangles.
+/// Halves every edge that looks longer than a limit from the eye, and leaves out what is not in view.
 fn cut_long_edges<V: Halve, T: Copy>(
+    halving: &mut Halving,
     vertices: &mut Vec<V>,
     triangles: &[([u32; 3], T)],
     cut: Cut,
 ) -> Vec<([u32; 3], T)> {
-    let mut middles: HashMap<u64, u32, BuildHasherDefault<EdgeHasher>> = HashMap::default();
+    let limit_m =
+        |a: Vec3, b: Vec3| (cut.longest_rad * distance_to_segment(cut.eye, a, b)).max(SHORTEST_CUT_M);
     let mut out = Vec::with_capacity(triangles.len());
-    let mut open = Vec::new();
-    for &(corners, tag) in triangles {
-        open.push(corners);
-        while let Some(corners) = open.pop() {
-            let ends = |k: usize| (corners[k], corners[(k + 1) % 3]);
-            // How many times too long an edge is.
-            let excess = |k: usize| {
-                let (a, b) = ends(k);
-                let (a, b) = (vertices[a.min(b) as usize].position(), vertices[a.max(b) as usize].position());
-                let limit_m = (cut.longest_rad * distance_to_segment(cut.eye, a, b)).max(SHORTEST_CUT_M);
-                a.distance(b) / limit_m
-            };
-            if !cut.may_see(corners.map(|i| vertices[i as usize].position())) {
-                continue;
-            }
-            let longest = (0..3).fold(0, |best, k| if excess(k) > excess(best) { k } else { best });
-            if excess(longest) <= 1.0 || out.len() + open.len() >= MOST_TRIANGLES {
-                out.push((corners, tag));
-                continue;
-            }
-            let (a, b) = ends(longest);
-            let apex = corners[(longest + 2) % 3];
-            let middle =
-                *middles.entry(u64::from(a.min(b)) << 32 | u64::from(a.max(b))).or_insert_with(|| {
-                    let between = vertices[a.min(b) as usize].between(&vertices[a.max(b) as usize]);
-                    vertices.push(between);
-                    vertices.len() as u32 - 1
-                });
-            open.push([middle, b, apex]);
-            open.push([a, middle, apex]);
-        }
-    }
+    let may_see = |corners| cut.may_see(corners);
+    halving.cut(vertices, triangles.iter().copied(), limit_m, may_see, MOST_TRIANGLES, &mut out);
     out
-}
-
-/// Spreads the two indices of an edge; cutting is done for every frame of a moving camera.
-#[derive(Default)]
-struct EdgeHasher(u64);
-
-impl Hasher for EdgeHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.write_u64(u64::from(byte));
-        }
-    }
-
-    fn write_u64(&mut self, edge: u64) {
-        // The golden ratio's digits; the upper half holds the best mixed bits, the map looks at both.
-        let mixed = (self.0 ^ edge).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.0 = mixed ^ mixed >> 32;
-    }
-}
-
-fn distance_to_segment(p: Vec3, a: Vec3, b: Vec3) -> f32 {
-    let along = b - a;
-    let t = ((p - a).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-    p.distance(a + t * along)
 }
 
 #[cfg(test)]
@@ -443,7 +407,8 @@ mod tests {
         let mut vertices =
             vec![vertex(-50.0, -50.0), vertex(50.0, -50.0), vertex(50.0, 50.0), vertex(-50.0, 50.0)];
         let how = Cut { eye: 0.5 * Vec3::Z, half_angle_rad: 0.5, longest_rad: 0.05, ..EVERYWHERE };
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ()), ([0, 2, 3], ())], how);
+        let cut =
+            cut_long_edges(&mut Halving::default(), &mut vertices, &[([0, 1, 2], ()), ([0, 2, 3], ())], how);
         assert!(cut.len() > 500 && cut.len() < 5000, "{}", cut.len());
         for (corners, ()) in cut {
             let centre: Vec3 =
@@ -456,10 +421,11 @@ mod tests {
     fn cutting_keeps_the_area_and_leaves_no_gap() {
         let mut vertices = vec![vertex(0.0, 0.0), vertex(3.0, 0.0), vertex(3.0, 1.0), vertex(0.0, 1.0)];
         let how = Cut { eye: Vec3::new(1.0, 0.3, 0.4), longest_rad: 0.05, ..EVERYWHERE };
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], how);
+        let cut =
+            cut_long_edges(&mut Halving::default(), &mut vertices, &[([0, 1, 2], 0), ([0, 2, 3], 1)], how);
         assert!(cut.len() > 3000 && cut.len() < 30_000, "{}", cut.len());
         let mut area = 0.0f64;
-        let mut sides = HashMap::new();
+        let mut sides = std::collections::HashMap::new();
         for (corners, _) in &cut {
             let [a, b, c] = corners.map(|i| vertices[i as usize].position());
             area += 0.5 * f64::from((b - a).cross(c - a).z);
@@ -484,7 +450,7 @@ mod tests {
     fn edges_that_look_short_stay() {
         let mut vertices = vec![vertex(0.0, 0.0), vertex(0.025, 0.0), vertex(0.0, 0.025)];
         let how = Cut { eye: Vec3::Z, longest_rad: 0.03, ..EVERYWHERE };
-        let cut = cut_long_edges(&mut vertices, &[([0, 1, 2], ())], how);
+        let cut = cut_long_edges(&mut Halving::default(), &mut vertices, &[([0, 1, 2], ())], how);
         assert_eq!((cut.len(), vertices.len()), (2, 4), "only the diagonal of 35 mm at 1 m is halved");
     }
 

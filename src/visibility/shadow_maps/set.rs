@@ -1,13 +1,16 @@
 //! The shadow maps of a frame: one for each hard light.
 
-use super::{ShadowCamera, ShadowMap, visibility};
+use super::{BAND_ROWS, ShadowCamera, ShadowMap, visibility};
 use crate::model::light::HardLight;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Width of the filter over (a hard light's own extent times the casters' extent along it). A uniform light's full width
 /// is 3.5 times its rms extent, and a caster is half its own height above the ground in the mean: 1.7 would be its penumbra
 /// half way up. Less keeps contacts sharp.
 const PENUMBRA: f32 = 1.0;
+/// From so many maps on each is one unit of parallel work.
+const WHOLE_FROM: usize = 4;
 /// Fewest texels a side.
 const LEAST_SIDE: u32 = 64;
 
@@ -25,8 +28,11 @@ pub fn side_of_each(texels: u32, count: usize) -> u32 {
 /// Cameras and depths, one for each hard light; memory is kept.
 #[derive(Clone, Debug, Default)]
 pub struct ShadowMaps {
-    cameras: Vec<Option<ShadowCamera>>,
-    maps: Vec<ShadowMap>,
+    pub(super) cameras: Vec<Option<ShadowCamera>>,
+    pub(super) maps: Vec<ShadowMap>,
+    /// The casters' vertices that triangles use.
+    used: Vec<Vec3>,
+    is_used: Vec<bool>,
 }
 
 impl ShadowMaps {
@@ -47,12 +53,18 @@ impl ShadowMaps {
         taps: u32,
     ) {
         let side = side_of_each(texels, lights.len());
-        self.cameras.clear();
-        self.cameras.extend(lights.iter().map(|light| {
-            let vertices = triangles.iter().flatten().map(|&i| casters[i as usize]);
+        self.is_used.clear();
+        self.is_used.resize(casters.len(), false);
+        triangles.iter().flatten().for_each(|&i| self.is_used[i as usize] = true);
+        self.used.clear();
+        self.used.extend(casters.iter().zip(&self.is_used).filter(|(_, used)| **used).map(|(p, _)| *p));
+        let used = &self.used;
+        self.cameras.resize(lights.len(), None);
+        self.cameras.par_iter_mut().zip(lights.par_iter()).for_each(|(camera, light)| {
             let texel_of_depth = PENUMBRA * light.extent_rad / taps.saturating_sub(1).max(1) as f32;
-            ShadowCamera::fit_soft(light.to_light_world, vertices, side, texel_of_depth)
-        }));
+            let vertices = used.iter().copied();
+            *camera = ShadowCamera::fit_soft(light.to_light_world, vertices, side, texel_of_depth);
+        });
         if self.maps.len() < lights.len() {
             self.maps.resize_with(lights.len(), ShadowMap::default);
         }
@@ -60,11 +72,14 @@ impl ShadowMaps {
 
     /// Draws the casters into every map, after [`Self::fit`].
     pub fn draw(&mut self, casters: &[Vec3], triangles: &[[u32; 3]]) {
-        for (camera, map) in self.cameras.iter().zip(&mut self.maps) {
+        // Many maps keep all threads busy as they are; of few each is cut into bands.
+        let whole = self.cameras.len() >= WHOLE_FROM;
+        self.cameras.par_iter().zip(&mut self.maps).for_each(|(camera, map)| {
             if let Some(camera) = camera {
-                map.draw(camera, casters, triangles);
+                let rows = if whole { camera.texels as usize } else { BAND_ROWS };
+                map.draw_in_bands(camera, casters, triangles, rows);
             }
-        }
+        });
     }
 
     /// One for each light of [`Self::fit`].

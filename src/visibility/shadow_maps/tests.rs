@@ -191,3 +191,78 @@ fn bias_is_bounded_and_finite() {
     assert_eq!(bias_m(0.01, 2.0, f32::MIN_POSITIVE, 0.2), 0.2);
     assert_eq!(bias_m(0.01, 2.0, 1.0 + 1e-6, 0.2), 0.0);
 }
+
+/// Spheres in a row, some lights, and their maps in bands or whole.
+fn maps(lights: usize, texels: u32) -> (ShadowMaps, Vec<crate::model::light::HardLight>) {
+    let lights: Vec<_> = fibonacci(2 * lights)
+        .take(lights)
+        .map(|w| crate::model::light::HardLight {
+            to_light_world: w.to_array(),
+            irradiance_rgb: [1.0; 3],
+            extent_rad: 0.01,
+        })
+        .collect();
+    let (unit, mut triangles) = sphere(24);
+    let count = unit.len() as u32;
+    let balls =
+        [(Vec3::new(0.0, 0.0, 0.2), 0.2), (Vec3::new(0.5, 0.1, 0.1), 0.1), (Vec3::new(-0.6, 0.3, 0.5), 0.05)];
+    let casters: Vec<Vec3> = balls.iter().flat_map(|(c, r)| unit.iter().map(|p| *c + *r * *p)).collect();
+    let one = triangles.clone();
+    for k in 1..3 {
+        triangles.extend(one.iter().map(|t| t.map(|i| i + k * count)));
+    }
+    let mut maps = ShadowMaps::default();
+    // What was drawn before must leave no trace.
+    let elsewhere: Vec<Vec3> = casters.iter().map(|p| *p * Vec3::new(-0.8, 1.0, 1.3)).collect();
+    for casters in [&elsewhere, &casters] {
+        maps.fit(&lights, casters, &triangles, texels, 4);
+        maps.draw(casters, &triangles);
+    }
+    for (k, camera) in maps.cameras().iter().enumerate() {
+        let mut alone = ShadowMap::default();
+        alone.draw(&camera.unwrap(), &casters, &triangles);
+        assert_eq!(alone.depth(), maps.depth(k), "light {k}");
+        let mut taken_over = ShadowMap::default();
+        taken_over.set_depth(alone.depth().to_vec());
+        for (y, row) in alone.depth().chunks(camera.unwrap().texels as usize).enumerate() {
+            for x in (0..row.len()).filter(|x| row[*x] < EMPTY_DEPTH) {
+                let (x, y) = (x as f32, y as f32);
+                assert!(alone.reach().is_near(x, y) && taken_over.reach().is_near(x, y));
+                assert!(alone.reach().is_near_box([x - 3.0, y], [x, y + 300.0]));
+            }
+        }
+    }
+    (maps, lights)
+}
+
+#[test]
+fn points_of_a_flat_receiver_read_together_get_what_each_gets() {
+    for (lights, texels) in [(2, 128), (8, 512)] {
+        let (maps, lights) = maps(lights, texels);
+        let (mut beside, mut shadowed) = (0, 0);
+        for (k, light) in lights.iter().enumerate() {
+            let cosine = light.to_light_world[2];
+            let Some(flat) = maps.flat_light(k, 4, cosine) else {
+                assert!(cosine <= 0.0);
+                continue;
+            };
+            for row in 0..160 {
+                for start in 0..8 {
+                    let at = |i: usize| {
+                        Vec3::new(0.4 * start as f32 - 1.6 + 0.025 * i as f32, 0.02 * row as f32 - 1.6, 0.0)
+                    };
+                    let points: [[f32; 16]; 3] = std::array::from_fn(|c| std::array::from_fn(|i| at(i)[c]));
+                    let visible = maps.visibility_flat(&flat, 4, &points, 16);
+                    let near = maps.may_shadow(k, at(0).to_array(), at(15).to_array());
+                    for (i, visible) in visible.iter().enumerate() {
+                        assert_eq!(*visible, maps.visibility(k, 4, at(i), cosine));
+                        assert!(near || *visible == 1.0);
+                        shadowed += usize::from(*visible < 1.0);
+                    }
+                    beside += usize::from(!near);
+                }
+            }
+        }
+        assert!(beside > 500 && shadowed > 500, "{beside} {shadowed}");
+    }
+}

@@ -31,14 +31,15 @@ pub struct Soft<'a> {
     pub transfer: &'a Transfer,
     /// Flat receivers.
     pub planes: &'a Planes,
+    /// Whether they are found at the vertices of the scene's grid, which has been uploaded, and interpolated.
+    pub at_vertices: bool,
 }
 
 /// The kernel.
 pub struct SoftShadow {
     built: Built,
-    /// Of the rung `directions`, and of all others.
-    directed: Option<wgpu::RenderPipeline>,
-    ladder: Option<wgpu::RenderPipeline>,
+    /// Of the rung `directions`, and of all others; at pixels, and at vertices.
+    pipelines: [Option<wgpu::RenderPipeline>; 4],
     view: GrowingBuffer,
     soft: GrowingBuffer,
     blockers: GrowingBuffer,
@@ -55,8 +56,7 @@ impl SoftShadow {
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
             built: Built::new(context, &kernels::SOFT_SHADOW)?,
-            directed: None,
-            ladder: None,
+            pipelines: [const { None }; 4],
             view: GrowingBuffer::uniform("coarse view"),
             soft: GrowingBuffer::uniform("soft terms"),
             blockers: GrowingBuffer::uniform("blockers"),
@@ -86,11 +86,17 @@ impl SoftShadow {
         if !is_directed {
             blockers.shader_terms(&mut self.blocker_terms);
         }
-        let (slot, fragment) =
-            if is_directed { (&mut self.directed, "fragment") } else { (&mut self.ladder, "ladder") };
+        let at_vertices = spheres.at_vertices;
+        let (number, stages) = match (is_directed, at_vertices) {
+            (true, false) => (0, ["vertex", "fragment"]),
+            (false, false) => (1, ["vertex", "ladder"]),
+            (true, true) => (2, ["vertex_directions", "interpolated"]),
+            (false, true) => (3, ["vertex_ladder", "interpolated"]),
+        };
+        let slot = &mut self.pipelines[number];
         let pipeline = match slot {
             Some(pipeline) => pipeline,
-            None => slot.insert(pipeline(context, &self.built, fragment)?),
+            None => slot.insert(pipeline(context, &self.built, stages)?),
         };
         let resources = [
             self.view.write(context, bytemuck::bytes_of(coarse_view)),
@@ -111,7 +117,11 @@ impl SoftShadow {
         recorder.draw(PASS, targets, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
-            scene.draw_surfaces(context, pass);
+            if at_vertices {
+                scene.draw_grid(context, pass);
+            } else {
+                scene.draw_surfaces(context, pass);
+            }
         })
     }
 
@@ -170,10 +180,10 @@ impl SoftShadow {
 fn pipeline(
     context: &GpuContext,
     built: &Built,
-    fragment: &str,
+    [vertex, fragment]: [&str; 2],
 ) -> Result<wgpu::RenderPipeline, EngineError> {
     let drawing = Drawing {
-        vertex: "vertex",
+        vertex,
         fragment,
         stride: size_of::<SurfaceVertex>() as u64,
         attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
