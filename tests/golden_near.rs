@@ -6,7 +6,7 @@ mod golden;
 mod support;
 
 use glam::{DVec3, Vec3};
-use golden::{Entry, Precision, Widen, numbers};
+use golden::{Entry, Precision, numbers};
 use halflight::{
     model::room::Patch,
     nearfield::{
@@ -50,7 +50,7 @@ fn transfer<T: Precision>(entry: &Entry) {
 
 fn shaft(entry: &Entry) {
     let boxed = |key: &str| {
-        let v = entry.list::<f64>(key).map_wide();
+        let v = entry.list::<f64>(key);
         Aabb {
             low: Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32),
             high: Vec3::new(v[3] as f32, v[4] as f32, v[5] as f32),
