@@ -8,6 +8,7 @@ use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
 use crate::light::prefilter::Wanted;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
+use crate::light::unwrap_ball::BallShot;
 use crate::model::{
     environment::EnvironmentPicture,
     estimate::{LightEstimate, PoseEstimate, Provenance},
@@ -106,13 +107,14 @@ impl Lighting {
         if let (true, Some(pose), Some(ball)) =
             (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
         {
-            let job = LightJob::Ball {
+            let job = LightJob::Ball(BallShot {
                 picture: &self.picture,
                 lens: &rig.lens,
                 world_from_camera: &pose.world_from_camera,
                 ball,
                 on_surface: self.on_surface,
-            };
+                without_ball: None,
+            });
             match engine.estimate_light(&job, &self.quality) {
                 Ok(light) => {
                     self.follow.update(t, &light.total, &light.flags, engine.measured_samples());
