@@ -6,6 +6,7 @@ mod support;
 #[path = "support/twin_scene.rs"]
 mod twin_scene;
 
+use halflight::light::unwrap_ball::BallShot;
 use twin_scene::{environment, scene};
 
 use std::sync::{Mutex, PoisonError};
@@ -156,13 +157,14 @@ fn ball_matches(engine: GpuEngine) -> GpuEngine {
     for distortion in [Distortion::None, radial] {
         let lens = Lens { distortion, ..Lens::pinhole(160, 120, 400.0, 400.0, 81.0, 59.0) };
         for on_surface in [false, true] {
-            let job = LightJob::Ball {
+            let job = LightJob::Ball(BallShot {
                 picture: &picture,
                 lens: &lens,
                 world_from_camera: &world_from_camera,
                 ball: &ball,
                 on_surface,
-            };
+                without_ball: None,
+            });
             let quality = Quality { sh_order: 6, ..Quality::default() };
             let device = engine.estimate_light(&job, &quality).expect("a visible ball");
             engine = engine.with_cpu_kernels(&twins).expect("known kernels");

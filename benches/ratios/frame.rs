@@ -3,6 +3,7 @@
 //! OpenGL ES 3.1 on Mesa: run with `MESA_GL_VERSION_OVERRIDE=3.0 MESA_GLES_VERSION_OVERRIDE=3.1`.
 
 use glam::{Affine3A, DVec3, Vec3};
+use halflight::light::unwrap_ball::BallShot;
 use halflight::{
     assets::shapes,
     engine::{
@@ -132,13 +133,14 @@ impl Frame {
         let bracket = Bracket { pictures: &pictures, exposures: &self.exposures };
         let mut merged = HdrImage::default();
         engine.merge_bracket(&bracket, &self.response, &mut merged).expect("a sound bracket");
-        let job = LightJob::Ball {
+        let job = LightJob::Ball(BallShot {
             picture: &self.background,
             lens: &self.lens,
             world_from_camera: &self.pose,
             ball: &self.ball,
             on_surface: true,
-        };
+            without_ball: None,
+        });
         engine.estimate_light(&job, &self.plan.quality).expect("a visible ball");
         let input = RelightInput {
             background: &self.background,

@@ -2,7 +2,11 @@
 
 use glam::DVec3;
 use halflight::{
-    light::{fill::spiral_direction, project_sh::project_sh, unwrap_ball::BallUnwrapper},
+    light::{
+        fill::spiral_direction,
+        project_sh::project_sh,
+        unwrap_ball::{BallShot, BallUnwrapper},
+    },
     math::{lens::Lens, pose::Pose, sh::basis::evaluate, sphere::reflect_off_sphere},
     model::{
         image::{HdrImage, Image, LOWER_BOUND},
@@ -103,8 +107,16 @@ pub fn run() {
         let picture = photograph(&lens, &pose, &ball, saturated);
         let (mut unwrapper, mut out) = (BallUnwrapper::new(), RadianceSamples::default());
         let mut flags = None;
+        let shot = BallShot {
+            picture: &picture,
+            without_ball: None,
+            lens: &lens,
+            world_from_camera: &pose,
+            ball: &ball,
+            on_surface: true,
+        };
         let ms = time_ms(31, || {
-            flags = unwrapper.unwrap(&picture, &lens, &pose, &ball, true, &mut out).ok();
+            flags = unwrapper.unwrap(&shot, &mut out).ok();
         });
         println!(
             "unwrap_ball, 640 x 480, {} samples{}: {ms:.2} ms",

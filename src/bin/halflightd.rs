@@ -2,6 +2,8 @@
 
 use clap::Parser;
 use halflight::config::{Settings, file, resolve};
+use halflight::daemon::{live_settings::LiveSettings, run::run_daemon};
+use halflight::pipeline::event::RunCounts;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -11,7 +13,8 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "halflightd", version, max_term_width = 110)]
 struct Arguments {
-    /// Settings file (TOML); keys that are left out keep their defaults.
+    /// Settings file (TOML); keys that are left out keep their defaults. Keys that the manual calls live may be changed
+    /// there while the daemon runs.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One setting over the file, e.g. --set 'device.camera="replay:desk.mcap"' (repeatable).
@@ -27,9 +30,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_target(false)
         .init();
-    match settings(&Arguments::parse())
-        .and_then(|s| halflight::daemon::run::run_daemon(&s).map_err(|e| e.to_string()))
-    {
+    match run(Arguments::parse()) {
         Ok(counts) => {
             tracing::info!(
                 frames = counts.frames,
@@ -45,6 +46,13 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+fn run(arguments: Arguments) -> Result<RunCounts, String> {
+    let started = settings(&arguments)?;
+    let file = arguments.config.clone();
+    let mut live = file.map(|file| LiveSettings::new(file, move || settings(&arguments), &started));
+    run_daemon(&started, live.as_mut()).map_err(|e| e.to_string())
 }
 
 fn settings(arguments: &Arguments) -> Result<Settings, String> {

@@ -1,5 +1,6 @@
 //! `halflight hdr`: exposures of one view into one linear picture.
 
+use super::bracket::steady;
 use super::{CliError, Common};
 use crate::{
     assets::pictures,
@@ -57,6 +58,10 @@ pub struct Arguments {
     /// they would be taken for light, and are set to black.)
     #[arg(long)]
     pub keep_black: bool,
+    /// Take the pictures as they lie. (A tripod that was bumped, a hand that shook: by default pictures that moved are
+    /// put back, by a shift and a turn in the picture's plane, and a warning says so.)
+    #[arg(long)]
+    pub no_align: bool,
     /// Write the response that was used as JSON, to be given to --response again.
     #[arg(long, value_name = "FILE")]
     pub save_response: Option<PathBuf>,
@@ -79,8 +84,16 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     if black != [0; 3] {
         loaded.iter_mut().for_each(|picture| *picture = clip_black(picture, black));
     }
+    // What false times would make of the pictures cannot be compared.
+    let moved = if plain.sound() && !arguments.no_align {
+        let first = choose_response(&arguments, &refs(&loaded), &exposures)?;
+        steady(&mut loaded, &exposures, &first.response)
+    } else {
+        Vec::new()
+    };
     let loaded = refs(&loaded);
-    let chosen = choose_response(&arguments, &loaded, &exposures)?;
+    let mut chosen = choose_response(&arguments, &loaded, &exposures)?;
+    chosen.warnings.extend(moved);
     let check = check_exposures(&loaded, &exposures, &chosen.response, chosen.tolerance);
     let mut engine = common.open_engine()?;
     let mut merged = HdrImage::default();
@@ -240,7 +253,7 @@ struct Chosen {
     /// `solved`, `srgb`, `gamma2.2` or `file`.
     kind: &'static str,
     why: String,
-    warning: Option<String>,
+    warnings: Vec<String>,
     tolerance: Tolerance,
 }
 
@@ -253,7 +266,7 @@ fn choose_response(
         response,
         kind,
         why: "as asked".into(),
-        warning: None,
+        warnings: Vec::new(),
         tolerance: Tolerance::GUESSED_RESPONSE,
     };
     match arguments.response.as_str() {
@@ -270,14 +283,14 @@ fn choose_response(
                     response: recovered.response,
                     kind: "solved",
                     why: format!("solved from the pictures, rms {residual_rms:.3} in ln exposure"),
-                    warning: None,
+                    warnings: Vec::new(),
                     tolerance: Tolerance::KNOWN_RESPONSE,
                 },
                 Origin::Fallback { why } => Chosen {
                     response: recovered.response,
                     kind: "srgb",
                     why: format!("the pictures cannot tell: {why}"),
-                    warning: Some(format!("response not solved ({why}); sRGB stands in")),
+                    warnings: vec![format!("response not solved ({why}); sRGB stands in")],
                     tolerance: Tolerance::GUESSED_RESPONSE,
                 },
             })
@@ -286,7 +299,7 @@ fn choose_response(
             let response = load_response(Path::new(file))?;
             let why = format!("from {file}");
             let tolerance = Tolerance::KNOWN_RESPONSE;
-            Ok(Chosen { response, kind: "file", why, warning: None, tolerance })
+            Ok(Chosen { response, kind: "file", why, warnings: Vec::new(), tolerance })
         }
     }
 }
@@ -356,7 +369,7 @@ fn report(
     merged: &HdrImage,
     engine: String,
 ) {
-    let mut warnings: Vec<String> = chosen.warning.iter().cloned().collect();
+    let mut warnings = chosen.warnings.clone();
     for (file, report) in files.iter().zip(check.reports()) {
         if let (Verdict::Contradicted, Some(other)) = (report.verdict, report.against) {
             warnings.push(format!(

@@ -1,5 +1,6 @@
 //! The tool for people: one file for each verb of `halflight`.
 
+mod bracket;
 pub mod check;
 pub mod common;
 pub mod devices;

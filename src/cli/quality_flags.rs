@@ -15,6 +15,9 @@ pub struct QualityFlags {
     /// (none) [default: compact].
     #[arg(long, value_name = "KIND")]
     pub split: Option<String>,
+    /// Compact lights that are looked for, the brightest first: 1 to 4 [default: 4].
+    #[arg(long, value_name = "N")]
+    pub lights: Option<i64>,
     /// Damp the soft half of the light until it shines negatively on no surface, and no more; `render` says what that
     /// costs.
     #[arg(long)]
@@ -23,6 +26,9 @@ pub struct QualityFlags {
     /// [default: directions].
     #[arg(long, value_name = "RUNG")]
     pub rung: Option<String>,
+    /// Spheres that stand for every body where it blocks soft light: 4 to 64, or 0 = as the scene says [default: 0].
+    #[arg(long, value_name = "N")]
+    pub spheres: Option<i64>,
     /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
     #[arg(long, value_name = "N")]
     pub directions: Option<i64>,
@@ -58,8 +64,10 @@ impl QualityFlags {
         let given = [
             ("--sh-order", "light.order", whole(self.sh_order)),
             ("--split", "light.split", word(&self.split)),
+            ("--lights", "light.lights", whole(self.lights)),
             ("--dering", "light.dering", self.dering.then_some(Value::Boolean(true))),
             ("--rung", "quality.rung", word(&self.rung)),
+            ("--spheres", "quality.spheres", whole(self.spheres)),
             ("--directions", "quality.directions", whole(self.directions)),
             ("--soft-at", "quality.soft_at", word(&self.soft_at)),
             ("--soft-step-px", "quality.soft_step_px", whole(self.soft_step_px)),
@@ -92,8 +100,10 @@ mod tests {
         let flags = QualityFlags {
             sh_order: Some(6),
             split: Some("paper".into()),
+            lights: Some(2),
             dering: true,
             rung: Some("hybrid".into()),
+            spheres: Some(12),
             directions: Some(256),
             soft_at: Some("vertex".into()),
             soft_step_px: Some(2),
@@ -109,6 +119,7 @@ mod tests {
         let quality = settings.quality;
         assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
+        assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);
         assert!(quality.soft_at != before.soft_at);
         assert!(quality.split != before.split && quality.rung != before.rung);

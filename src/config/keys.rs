@@ -129,6 +129,14 @@ macro_rules! key {
     };
 }
 
+impl Key {
+    /// Whether it takes effect on the next frame where it changes while the program runs. Devices, engine, tracking, the
+    /// scene and the output are opened once, at the start.
+    pub fn is_live(&self) -> bool {
+        matches!(self.name.split_once('.'), Some(("light" | "quality" | "present", _)))
+    }
+}
+
 /// Every key, in the order of `config/default.toml`.
 pub const KEYS: &[Key] = &[
     key!(
@@ -266,6 +274,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.split = SplitKind::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
+        "light.lights",
+        "lights",
+        Range::Integer(1, 4),
+        "Compact lights that are looked for, the brightest first; what is not found stays in the soft half.",
+        |s| Value::Integer(s.quality.lights as i64),
+        |s, v| s.quality.lights = integer(v) as usize
+    ),
+    key!(
         "light.dering",
         "",
         Range::Switch,
@@ -347,6 +363,14 @@ pub const KEYS: &[Key] = &[
         "How glossy lobes are scaled: so that no light is made, or as in the paper, which is brighter by (s+2)/(s+1).",
         |s| word(s.quality.phong_norm.name()),
         |s, v| s.quality.phong_norm = PhongNorm::from_name(&text(v)).unwrap_or(PhongNorm::EnergySafe)
+    ),
+    key!(
+        "quality.spheres",
+        "spheres",
+        Range::Integer(0, 64),
+        "Spheres that stand for every body where it blocks soft light, 4 to 64 (1 to 3 count as 4); 0 = as many as the scene file says. They are fitted when first asked for, which takes a moment, and kept in the cache folder.",
+        |s| Value::Integer(s.quality.spheres as i64),
+        |s, v| s.quality.spheres = integer(v) as usize
     ),
     key!(
         "quality.directions",
@@ -435,7 +459,8 @@ pub fn manual() -> String {
     let defaults = Settings::default();
     let mut out = String::from(
         "# Every key of half-light with its unit, range, effect and default: the manual.\n# Made from the table in \
-         src/config/keys.rs; a test keeps both equal.\n",
+         src/config/keys.rs; a test keeps both equal.\n# Live keys take effect on the next frame when the file that \
+         `halflightd --config` names is changed; the others at the\n# next start.\n",
     );
     let mut section = "";
     for key in KEYS {
@@ -446,9 +471,10 @@ pub fn manual() -> String {
         }
         let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
         out.push_str(&format!(
-            "# {}\n# Must be {}{unit}.\n{name} = {}\n",
+            "# {}\n# Must be {}{unit}.{}\n{name} = {}\n",
             key.effect,
             key.range.describe(),
+            if key.is_live() { " Live." } else { "" },
             (key.read)(&defaults)
         ));
     }

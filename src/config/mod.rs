@@ -3,6 +3,7 @@
 
 pub mod file;
 pub mod keys;
+pub mod live;
 pub mod resolve;
 pub mod settings;
 

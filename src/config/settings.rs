@@ -45,7 +45,7 @@ pub struct Settings {
     pub scene_file: String,
     /// `output.pictures`; empty = none.
     pub pictures_folder: String,
-    /// The keys of `quality.*`, `light.order`, `light.split` and `light.dering`.
+    /// The keys of `quality.*`, `light.order`, `light.split`, `light.lights` and `light.dering`.
     pub quality: Quality,
 }
 

@@ -5,8 +5,9 @@ use crate::assets::spheres;
 use crate::model::scene::Scene;
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Fits spheres to every figure that has none, or takes them from the user's cache folder.
-pub fn fit(scene: &mut Scene) {
+/// Fits `count` spheres (0: as many as it asks for) to every figure that has none, or takes them from the user's
+/// cache folder.
+pub fn fit(scene: &mut Scene, count: usize) {
     if scene.figures.iter().all(|figure| !figure.spheres.is_empty()) {
         return;
     }
@@ -16,6 +17,13 @@ pub fn fit(scene: &mut Scene) {
         bar.set_style(style);
     }
     let mut progress = |share: f32| bar.set_position((share * 100.0) as u64);
+    let asked: Vec<usize> = scene.figures.iter().map(|figure| figure.sphere_count).collect();
+    if count > 0 {
+        scene.figures.iter_mut().for_each(|figure| figure.sphere_count = count.clamp(4, 64));
+    }
     spheres::fit_scene(scene, cache_folder().as_deref(), &mut progress);
+    for (figure, asked) in scene.figures.iter_mut().zip(asked) {
+        figure.sphere_count = asked;
+    }
     bar.finish_and_clear();
 }

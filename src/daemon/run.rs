@@ -1,8 +1,13 @@
 //! Runs the pipeline as the settings say.
 
-use super::{blocker_spheres, engines, picture_folder::PictureFolder, vertex_transfer};
+use super::{
+    blocker_spheres, engines,
+    live_settings::{LiveSettings, Watched},
+    picture_folder::PictureFolder,
+    vertex_transfer,
+};
 use crate::assets::scene as scene_file;
-use crate::config::settings::{RunMode, Settings};
+use crate::config::settings::{GrayWeights, RunMode, Settings};
 use crate::device::{
     Clock, FrameSource,
     clock::{ManualClock, MonotonicClock},
@@ -14,7 +19,7 @@ use crate::pipeline::{
     event::{FrameSink, RunCounts, run as run_events},
     feed::{Lockstep, Realtime},
 };
-use crate::plan::PassTiming;
+use crate::plan::{FramePlan, PassTiming};
 use std::path::Path;
 
 /// A pipeline with the source that feeds it.
@@ -25,6 +30,8 @@ pub struct Prepared {
     pub pipeline: Pipeline,
     /// The engine in one line.
     pub engine: String,
+    /// Exposures that the camera goes through.
+    pub cycle: Vec<Exposure>,
 }
 
 /// Opens the devices and the engine and loads the scene.
@@ -34,18 +41,25 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
     let wanted: Vec<Exposure> =
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = source.set_exposures(&wanted)?;
-    let shown_exposure = (settings.shown_exposure_s > 0.0)
-        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
     let response = response_of(settings, source.as_ref())?;
     let (scene, rig) = scene_and_rig(settings, source.as_ref())?;
     let mut engine =
         engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
     engine.load_scene(&scene)?;
     let description = engine.description();
-    let options = Options {
+    let options = options_of(settings, &cycle);
+    let pipeline = Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
+    Ok(Prepared { source, pipeline, engine: description, cycle })
+}
+
+/// What the settings mean for the pipeline of a camera that goes through these exposures.
+pub(super) fn options_of(settings: &Settings, cycle: &[Exposure]) -> Options {
+    let shown_exposure = (settings.shown_exposure_s > 0.0)
+        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
+    Options {
         quality: settings.quality,
         light_threshold: settings.light_threshold as f32,
-        rec709: settings.gray == crate::config::settings::GrayWeights::Rec709,
+        rec709: settings.gray == GrayWeights::Rec709,
         filter_tau_s: settings.filter_tau_s,
         ball_on_surface: settings.ball_on_surface,
         longest_exposure: cycle
@@ -58,9 +72,7 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
         view: settings.view,
         decimate: settings.decimate as f32,
         quad_sigma_px: settings.quad_sigma_px as f32,
-    };
-    let pipeline = Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
-    Ok(Prepared { source, pipeline, engine: description })
+    }
 }
 
 fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
@@ -95,37 +107,53 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
         scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let mut scene = file.scene_with_ball(rig.ball.as_ref());
-    blocker_spheres::fit(&mut scene);
+    blocker_spheres::fit(&mut scene, settings.quality.spheres);
     vertex_transfer::bake(&mut scene, &settings.quality);
     Ok((scene, rig))
 }
 
-/// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.
+/// What a run left.
+#[derive(Clone, Debug)]
+pub struct Ran {
+    /// What went through.
+    pub counts: RunCounts,
+    /// Times of every pass of every frame.
+    pub passes: Vec<PassTiming>,
+    /// The passes of the last picture, and those left out, each with its reason.
+    pub last_plan: FramePlan,
+}
+
+/// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop. Settings that are `live` are
+/// followed.
 pub fn run(
     mut prepared: Prepared,
     settings: &Settings,
+    live: Option<&mut LiveSettings>,
     sink: &mut dyn FrameSink,
-) -> Result<(RunCounts, Vec<PassTiming>), PipelineError> {
+) -> Result<Ran, PipelineError> {
+    let cycle = &prepared.cycle;
     let counts = match settings.mode {
         RunMode::Lockstep => {
             let mut clock = ManualClock::default();
             let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
+            let mut feed = Watched { feed: &mut feed, live, cycle };
             run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
         }
         RunMode::Realtime => {
             // Recordings and the synthetic room deliver at once; a camera has its own pace.
             let pace: Box<dyn Clock> = Box::new(MonotonicClock::default());
             let mut feed = Realtime::start(prepared.source, Some(pace));
+            let mut feed = Watched { feed: &mut feed, live, cycle };
             run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
         }
     }?;
-    Ok((counts, prepared.pipeline.take_passes()))
+    Ok(Ran { counts, passes: prepared.pipeline.take_passes(), last_plan: prepared.pipeline.plan().clone() })
 }
 
 /// The whole daemon: settings in, run to the end.
-pub fn run_daemon(settings: &Settings) -> Result<RunCounts, PipelineError> {
+pub fn run_daemon(settings: &Settings, live: Option<&mut LiveSettings>) -> Result<RunCounts, PipelineError> {
     let prepared = prepare(settings)?;
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let mut sink = PictureFolder::new(&settings.pictures_folder)?;
-    run(prepared, settings, &mut sink).map(|(counts, _)| counts)
+    run(prepared, settings, live, &mut sink).map(|ran| ran.counts)
 }

@@ -145,12 +145,8 @@ impl Engine for CpuEngine {
         let (samples, unwrapper, timings) = (&mut self.samples, &mut self.unwrapper, &mut self.timings);
         self.pool.install(|| {
             let flags = match job {
-                LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
-                    timed(timings, Pass::UnwrapBall, || {
-                        unwrapper.unwrap(picture, lens, world_from_camera, ball, *on_surface, samples)
-                    })
-                    .map_err(|e| EngineError::Input(e.to_string()))?
-                }
+                LightJob::Ball(shot) => timed(timings, Pass::UnwrapBall, || unwrapper.unwrap(shot, samples))
+                    .map_err(|e| EngineError::Input(e.to_string()))?,
                 LightJob::Map(map) => maps::samples_of_map(map, samples),
             };
             let total = timed(timings, Pass::ProjectSh, || project_sh(samples, quality.sh_order));

@@ -4,6 +4,7 @@ pub mod cpu;
 pub mod gpu;
 
 use crate::animate::posed::Posed;
+use crate::light::unwrap_ball::BallShot;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -14,7 +15,6 @@ use crate::model::{
     picture::Picture,
     quality::Quality,
     response::Response,
-    rig::MirrorBall,
     scene::Scene,
 };
 use crate::plan::{FramePlan, PassTiming};
@@ -50,18 +50,7 @@ pub struct Bracket<'a> {
 /// Where the light is to be read from.
 pub enum LightJob<'a> {
     /// A mirror ball in an HDR picture.
-    Ball {
-        /// Linear picture.
-        picture: &'a HdrImage,
-        /// Its lens.
-        lens: &'a Lens,
-        /// Its pose.
-        world_from_camera: &'a Pose,
-        /// The ball.
-        ball: &'a MirrorBall,
-        /// Whether the ball stands on the surface z = 0: directions below the horizon then show the unshadowed surface.
-        on_surface: bool,
-    },
+    Ball(BallShot<'a>),
     /// An environment picture whose axes are the world's.
     Map(&'a EnvironmentMap),
 }

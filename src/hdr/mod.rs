@@ -1,5 +1,6 @@
 //! From exposures to linear radiance [DM97].
 
+pub mod align;
 pub mod attribute;
 pub mod black_level;
 pub mod linear_light;

@@ -422,13 +422,13 @@ fn surface_pixel(lens: &Lens, newest: &Camera, older: &Camera, ray: DVec3) -> Op
 }
 
 /// Fixed point; far outside the picture is as good as anything far outside.
-fn fixed(pixel: DVec2) -> [i32; 2] {
+pub(super) fn fixed(pixel: DVec2) -> [i32; 2] {
     let one = |v: f64| (v.clamp(-3e4, 3e4) * f64::from(ONE)).round() as i32;
     if pixel.is_nan() { UNSEEN } else { [one(pixel.x), one(pixel.y)] }
 }
 
 /// The bilinear value at a continuous pixel position, in linear light where that is given; `None` outside the picture.
-fn sample(picture: &Rgb8Image, at: [i32; 2], light: Option<&LinearLight>) -> Option<[u8; 3]> {
+pub(super) fn sample(picture: &Rgb8Image, at: [i32; 2], light: Option<&LinearLight>) -> Option<[u8; 3]> {
     let (width, height) = (picture.width() as i32, picture.height() as i32);
     if at[0] < 0 || at[1] < 0 || at[0] >= width * ONE || at[1] >= height * ONE {
         return None;

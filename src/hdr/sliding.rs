@@ -108,6 +108,11 @@ impl SlidingMerge {
         }
     }
 
+    /// Merges so many frames from the next one on (1 to 9; what lies outside is taken as the nearer end).
+    pub fn keep(&mut self, brackets: usize) {
+        self.brackets = brackets.clamp(1, 9);
+    }
+
     /// Forgets all frames.
     pub fn clear(&mut self) {
         self.spare.extend(self.slots.drain(..).map(|slot| slot.redrawn));

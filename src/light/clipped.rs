@@ -155,6 +155,30 @@ impl ClippedLights {
         }
     }
 
+    /// Irradiance, on a surface that faces up, of each light's saturated pixels as they were read.
+    pub(super) fn known_irradiance(&self, samples: &RadianceSamples) -> [[f64; 3]; MOST_LIGHTS] {
+        let mut known = [[0.0; 3]; MOST_LIGHTS];
+        for member in &self.members {
+            let (d, c) =
+                (samples.directions[member.sample as usize], samples.radiance[member.sample as usize]);
+            let light = &mut known[self.cells[member.cell as usize].light];
+            (0..3).for_each(|k| light[k] += f64::from(c[k] * d[3] * d[2]));
+        }
+        known
+    }
+
+    /// Takes a light's reading in one channel as it is.
+    pub(super) fn trust(&mut self, light: usize, channel: usize) {
+        for member in &mut self.members {
+            if self.cells[member.cell as usize].light == light {
+                member.saturated[channel] = false;
+            }
+        }
+        for cell in self.cells.iter_mut().filter(|cell| cell.light == light) {
+            cell.weight[channel] = 0.0;
+        }
+    }
+
     /// Adds missing light to the samples. `missing[light][channel]`: irradiance, on a surface that faces up, that the
     /// light lacks in that channel; it is spread over the light's saturated pixels by the cells' densities.
     pub(super) fn add_missing(&self, missing: &[[f64; 3]; MOST_LIGHTS], samples: &mut RadianceSamples) {

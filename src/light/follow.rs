@@ -130,6 +130,13 @@ impl Follow {
         (self.environment.all.side() > 0).then_some(&self.environment)
     }
 
+    /// Goes on with another time constant and another split; what was measured stays.
+    pub fn retune(&mut self, filter_tau_s: f64, halve: HalveOptions) {
+        self.filter_tau_s = if filter_tau_s > 0.0 { filter_tau_s } else { 0.0 };
+        self.halve = halve;
+        self.halver.retune(halve);
+    }
+
     /// Forgets everything.
     pub fn reset(&mut self) {
         let wanted = self.wanted;
@@ -232,6 +239,7 @@ mod tests {
         let net_flux = SplitOptions::default();
         HalveOptions {
             kind: crate::model::quality::SplitKind::Paper,
+            lights: 4,
             shadow_maps: 1,
             net_flux,
             above_horizon: false,

@@ -13,6 +13,8 @@ use crate::model::{
 pub struct HalveOptions {
     /// By which split.
     pub kind: SplitKind,
+    /// Compact lights at most, 1 to 4.
+    pub lights: usize,
     /// Hard lights at most, 1 to 64.
     pub shadow_maps: usize,
     /// Of the splits by net flux.
@@ -34,7 +36,15 @@ pub struct Halver {
 impl Halver {
     /// Nothing seen yet.
     pub fn new(options: HalveOptions) -> Self {
-        Self { options, compact: CompactSplit::new(), has_picture: false }
+        let mut compact = CompactSplit::new();
+        compact.keep_at_most(options.lights);
+        Self { options, compact, has_picture: false }
+    }
+
+    /// Goes on with other options: lights that were found stay followed.
+    pub fn retune(&mut self, options: HalveOptions) {
+        self.compact.keep_at_most(options.lights);
+        self.options = options;
     }
 
     /// Takes in the picture of the environment, if the split needs it: weighted directions (world frame), with weight
@@ -120,6 +130,7 @@ mod tests {
     fn options(kind: SplitKind) -> HalveOptions {
         HalveOptions {
             kind,
+            lights: 4,
             shadow_maps: 4,
             net_flux: SplitOptions::default(),
             above_horizon: false,

@@ -1,14 +1,16 @@
 //! The surface that a mirror ball stands on, as a second light meter: its unshadowed radiance, and the true strength
 //! of lights that are saturated on the ball, read from the depth of their shadows.
 
+mod sharpen;
+
 use super::{
     clipped::{ClippedLights, MOST_LIGHTS},
     fill::bin_of,
     split::GRAY_PAPER,
-    unwrap_ball::block_mean,
+    unwrap_ball::{BallShot, block_mean},
 };
-use crate::math::{lens::Lens, pose::Pose, solve::solve_positive};
-use crate::model::{image::HdrImage, light::RadianceSamples, rig::MirrorBall};
+use crate::math::solve::solve_positive;
+use crate::model::light::RadianceSamples;
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
@@ -29,10 +31,12 @@ const RELATIVE_NOISE: f64 = 0.02;
 /// A saturated light counts when its shadow stands out by this many standard deviations: more than the usual three,
 /// since what is left after a fit is not only noise.
 const SIGNIFICANCE: f64 = 10.0;
+/// The same where a picture without the ball has taken the surface's own markings out.
+const SIGNIFICANCE_BARE: f64 = 5.0;
+/// Largest ratio of a lamp's channels, also where the channels' scales are not those of white light.
+const MOST_COLOURFUL: f64 = 10.0;
 /// Most rounds of reweighting; about six until the solution stands still to 1e-5.
 const ROUNDS: usize = 12;
-/// Most rounds in which the spread of a saturated light is sharpened.
-const SHARPEN_ROUNDS: usize = 100;
 
 /// One block of surface pixels.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +90,8 @@ struct Solution {
 #[derive(Debug, Default)]
 pub struct SurfaceFit {
     points: Vec<Point>,
+    /// Whether the surface's own look was divided out of the points.
+    bare: bool,
     bins: Vec<Bin>,
     known: Vec<(Vec3, f32, Vec3)>,
     /// For each point and channel: irradiance of all samples as they are, the ball in the way.
@@ -105,15 +111,13 @@ pub struct SurfaceFit {
 }
 
 impl SurfaceFit {
-    /// Reads the surface z = 0 around the ball from the picture, without the ball itself.
-    pub(super) fn gather(
-        &mut self,
-        picture: &HdrImage,
-        lens: &Lens,
-        world_from_camera: &Pose,
-        ball: &MirrorBall,
-    ) {
+    /// Reads the surface z = 0 around the ball from the picture, without the ball itself. Where a picture without the
+    /// ball is given, each block is divided by what that shows there, times the mean of that over the surface: what
+    /// is left is the ball's doing.
+    pub(super) fn gather(&mut self, shot: &BallShot<'_>) {
+        let &BallShot { picture, without_ball, lens, world_from_camera, ball, .. } = shot;
         self.points.clear();
+        let mut bare = [0.0; 3];
         let (width, height) = (picture.radiance.width(), picture.radiance.height());
         let side = (((width * height) as f64 / BLOCKS).sqrt().round() as usize).max(1);
         let eye = world_from_camera.translation;
@@ -138,7 +142,17 @@ impl SurfaceFit {
                 if offset.truncate().length() > reach_m || length <= ball.radius_m {
                     continue;
                 }
-                let Some(radiance) = block_mean(picture, x, y, side) else { continue };
+                let Some(mut radiance) = block_mean(picture, x, y, side) else { continue };
+                if let Some(without) = without_ball {
+                    let Some(plain) = block_mean(without, x, y, side) else { continue };
+                    if plain.iter().any(|c| *c <= 0.0) {
+                        continue;
+                    }
+                    for (c, (radiance, plain)) in radiance.iter_mut().zip(plain).enumerate() {
+                        *radiance /= plain;
+                        bare[c] += plain;
+                    }
+                }
                 let sine = ball.radius_m / length;
                 self.points.push(Point {
                     to_ball: (offset / length).as_vec3(),
@@ -146,6 +160,13 @@ impl SurfaceFit {
                     ball_cos: (1.0 - sine * sine).sqrt() as f32,
                     radiance,
                 });
+            }
+        }
+        self.bare = without_ball.is_some();
+        if self.bare {
+            let mean = bare.map(|sum| sum / self.points.len().max(1) as f64);
+            for point in &mut self.points {
+                point.radiance.iter_mut().zip(mean).for_each(|(c, mean)| *c *= mean);
             }
         }
     }
@@ -174,6 +195,11 @@ impl SurfaceFit {
             .collect_into_vec(&mut self.irradiance);
         self.find_hidden(clipped);
         let mut solutions = self.fit_channels(clipped)?;
+        let read = clipped.known_irradiance(samples);
+        while let Some((light, channel)) = too_colourful(&solutions, &read) {
+            clipped.trust(light, channel);
+            solutions = self.fit_channels(clipped)?;
+        }
         if solutions.iter().any(|s| s.missing.iter().any(|b| *b > 0.0)) {
             self.sharpen(&solutions, clipped);
             solutions = self.fit_channels(clipped)?;
@@ -246,6 +272,7 @@ impl SurfaceFit {
             }
             std::array::from_fn(|k| if whole[k] > 0.0 { lit[k] / whole[k] } else { 0.0 })
         }));
+        let significant = if self.bare { SIGNIFICANCE_BARE } else { SIGNIFICANCE };
         let mut active: [bool; MOST_LIGHTS] = std::array::from_fn(|k| whole[k] > 0.0);
         loop {
             let fitted = self.reweighted(channel, &active);
@@ -261,7 +288,7 @@ impl SurfaceFit {
                 .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match faintest {
-                Some((k, significance)) if significance < SIGNIFICANCE => active[k] = false,
+                Some((k, significance)) if significance < significant => active[k] = false,
                 _ => return Some(solution),
             }
         }
@@ -349,90 +376,22 @@ impl SurfaceFit {
         }
         row
     }
+}
 
-    /// Richardson-Lucy on the shadows, in gray: moves each light's missing radiance among its cells towards where the
-    /// half shadows want it, until the misfit is no more than noise.
-    fn sharpen(&mut self, solutions: &[Solution; 3], clipped: &mut ClippedLights) {
-        let cells = clipped.cells.len();
-        let gray = GRAY_PAPER.map(f64::from);
-        // What each cell adds to the lit surface, in gray, as it is now.
-        self.share.clear();
-        self.share.resize(cells, 0.0);
+/// A light that its missing part would make far stronger in one channel than in all others: something else on the
+/// surface was taken for its shadow. (Each such light and channel is named once: after that it is not fitted.)
+fn too_colourful(solutions: &[Solution; 3], read: &[[f64; 3]; MOST_LIGHTS]) -> Option<(usize, usize)> {
+    for (light, read) in read.iter().enumerate() {
+        let whole: [f64; 3] =
+            std::array::from_fn(|c| read[c] + solutions[c].missing[light] / solutions[c].reflection);
         for c in 0..3 {
-            let mut whole = [0.0; MOST_LIGHTS];
-            for cell in &clipped.cells {
-                whole[cell.light] += cell.density * cell.weight[c];
-            }
-            for (share, cell) in self.share.iter_mut().zip(&clipped.cells) {
-                if whole[cell.light] > 0.0 {
-                    let part = cell.density * cell.weight[c] / whole[cell.light];
-                    *share += gray[c] * part * solutions[c].missing[cell.light];
-                }
-            }
-        }
-        self.share_before.clone_from(&self.share);
-        let total: f64 = self.share.iter().sum();
-        // How much of the lights each point in their shadow lacks, and the noise there.
-        self.in_shadow.clear();
-        self.shade.clear();
-        let mut noise = 0.0;
-        for (p, point) in self.points.iter().enumerate() {
-            let hidden = &self.hidden[p * cells..(p + 1) * cells];
-            if !hidden.iter().zip(&self.share).any(|(hidden, share)| *hidden > 0.0 && *share > 0.0) {
-                continue;
-            }
-            let (mut unshaded, mut seen, mut sigma) = (0.0, 0.0, 0.0);
-            for c in 0..3 {
-                let lights: f64 = solutions[c].missing.iter().sum();
-                unshaded += gray[c] * (solutions[c].reflection * self.irradiance[p][c] + lights);
-                seen += gray[c] * point.radiance[c];
-                sigma += gray[c] * solutions[c].noise;
-            }
-            noise += (RELATIVE_NOISE * sigma * seen).powi(2);
-            self.in_shadow.push(p as u32);
-            self.shade.push((unshaded - seen).max(0.0));
-        }
-        if total <= 0.0 || self.in_shadow.is_empty() {
-            return;
-        }
-        // A little of everything keeps the ratios finite where there is hardly any shadow.
-        let floor = 0.02 * total;
-        self.reach.clear();
-        self.reach.resize(cells, 0.0);
-        for p in &self.in_shadow {
-            let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
-            for (reach, hidden) in self.reach.iter_mut().zip(row) {
-                *reach += f64::from(*hidden);
-            }
-        }
-        for _ in 0..SHARPEN_ROUNDS {
-            self.next_share.clear();
-            self.next_share.resize(cells, 0.0);
-            let mut misfit = 0.0;
-            for (p, shade) in self.in_shadow.iter().zip(&self.shade) {
-                let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
-                let model: f64 = row.iter().zip(&self.share).map(|(h, s)| f64::from(*h) * s).sum();
-                misfit += (model - shade).powi(2);
-                let ratio = (shade + floor) / (model + floor);
-                for (next, hidden) in self.next_share.iter_mut().zip(row) {
-                    *next += f64::from(*hidden) * ratio;
-                }
-            }
-            if misfit <= noise {
-                break;
-            }
-            for ((share, next), reach) in self.share.iter_mut().zip(&self.next_share).zip(&self.reach) {
-                if *reach > 0.0 {
-                    *share *= next / reach;
-                }
-            }
-        }
-        for ((cell, share), before) in clipped.cells.iter_mut().zip(&self.share).zip(&self.share_before) {
-            if *before > 0.0 {
-                cell.density *= share / before;
+            let others = whole[(c + 1) % 3].max(whole[(c + 2) % 3]);
+            if solutions[c].missing[light] > 0.0 && whole[c] > MOST_COLOURFUL * others {
+                return Some((light, c));
             }
         }
     }
+    None
 }
 
 /// A point's radiance by the fit so far, and the variance to reckon with there: relative noise, and the full doubt of a

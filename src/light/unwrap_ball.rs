@@ -276,6 +276,34 @@ fn clip_at_horizon(quad: &[Vec3; 5]) -> ([Vec3; 5], usize) {
     (out, if count >= 3 { count } else { 0 })
 }
 
+/// A mirror ball in a picture, and what is known of the place.
+#[derive(Clone, Copy)]
+pub struct BallShot<'a> {
+    /// Linear picture.
+    pub picture: &'a HdrImage,
+    /// The same view without the ball, in the same units of radiance, where there is one: the surface's own markings
+    /// and its uneven lighting then drop out of what its shadows tell.
+    pub without_ball: Option<&'a HdrImage>,
+    /// Lens of both.
+    pub lens: &'a Lens,
+    /// Pose of both.
+    pub world_from_camera: &'a Pose,
+    /// The ball.
+    pub ball: &'a MirrorBall,
+    /// Whether the ball stands on (or over) the surface z = 0: directions below the horizon then show the unshadowed
+    /// surface.
+    pub on_surface: bool,
+}
+
+impl BallShot<'_> {
+    /// Refuses balls, lenses and pictures that do not fit each other.
+    pub fn check(&self) -> Result<(), UnwrapError> {
+        let eye = self.world_from_camera.translation;
+        check(self.picture, self.lens, eye, self.ball)?;
+        self.without_ball.map_or(Ok(()), |without| check(without, self.lens, eye, self.ball))
+    }
+}
+
 /// One frame's ball, unwrapped again and again without new memory.
 #[derive(Debug, Default)]
 pub struct BallUnwrapper {
@@ -297,20 +325,16 @@ impl BallUnwrapper {
     /// See [`unwrap_ball`].
     pub fn unwrap(
         &mut self,
-        picture: &HdrImage,
-        lens: &Lens,
-        world_from_camera: &Pose,
-        ball: &MirrorBall,
-        on_surface: bool,
+        shot: &BallShot<'_>,
         out: &mut RadianceSamples,
     ) -> Result<LightFlags, UnwrapError> {
-        check(picture, lens, world_from_camera.translation, ball)?;
+        shot.check()?;
         // Taken out for the time of the call, since both are read while `self` works.
         let mut view = std::mem::take(&mut self.view);
         let mut cells = std::mem::take(&mut self.cells);
-        let result = view.prepare(lens, world_from_camera, ball).and_then(|()| {
-            self.trace(&view, on_surface, &mut cells);
-            self.finish(&view, &cells, picture, lens, world_from_camera, ball, on_surface, out)
+        let result = view.prepare(shot.lens, shot.world_from_camera, shot.ball).and_then(|()| {
+            self.trace(&view, shot.on_surface, &mut cells);
+            self.finish(&view, &cells, shot, out)
         });
         (self.view, self.cells) = (view, cells);
         result
@@ -340,19 +364,15 @@ impl BallUnwrapper {
     /// From traced cells to samples of the whole sphere: takes the radiance, puts bad texels right, fills what the
     /// ball does not show, and (`on_surface`) replaces all below the horizon by the unshadowed surface. Both engines
     /// end here. `cells`: width x height of the view, as from [`BallUnwrapper::trace`].
-    #[expect(clippy::too_many_arguments, reason = "the parts of one measurement, all needed")]
     pub fn finish(
         &mut self,
         view: &BallView,
         cells: &[[f32; 4]],
-        picture: &HdrImage,
-        lens: &Lens,
-        world_from_camera: &Pose,
-        ball: &MirrorBall,
-        on_surface: bool,
+        shot: &BallShot<'_>,
         out: &mut RadianceSamples,
     ) -> Result<LightFlags, UnwrapError> {
-        check(picture, lens, world_from_camera.translation, ball)?;
+        shot.check()?;
+        let &BallShot { picture, lens, world_from_camera, ball, on_surface, .. } = shot;
         out.directions.clear();
         out.radiance.clear();
         self.pixel_of_sample.clear();
@@ -377,7 +397,7 @@ impl BallUnwrapper {
         let past = fill::PastTheBall { picture, lens, world_from_camera, ball };
         let mut filled_sr = self.fill.append(view, cells, &past, on_surface, out);
         if on_surface {
-            self.surface.gather(picture, lens, world_from_camera, ball);
+            self.surface.gather(shot);
             self.clipped.find(view.width, &self.pixel_of_sample, out);
             let (surface_rgb, bits) = match self.surface.solve(&mut self.clipped, out) {
                 Some(surface_rgb) => (surface_rgb, 0),
@@ -410,7 +430,8 @@ impl BallUnwrapper {
 /// direction with z < 0 gets the radiance of the surface where the ball does not darken it: a robust fit of the
 /// surface's pixels to the light found, each with the ball in its way (see [`SurfaceFit`]). The same fit gives the
 /// true radiance of lights that are saturated in every exposure, from how deep their shadow is; their samples keep
-/// `LOWER_BOUND` all the same. Without any usable surface in the picture the ball's own view of it is taken, flagged.
+/// `LOWER_BOUND` all the same. (With a picture of the place without the ball, [`BallShot::without_ball`], markings and
+/// uneven lighting of the surface do not hide those shadows.) Without any usable surface in the picture the ball's own view of it is taken, flagged.
 ///
 /// Keep a [`BallUnwrapper`] to unwrap frame by frame without new memory.
 pub fn unwrap_ball(
@@ -421,7 +442,8 @@ pub fn unwrap_ball(
     on_surface: bool,
     out: &mut RadianceSamples,
 ) -> Result<LightFlags, UnwrapError> {
-    BallUnwrapper::new().unwrap(picture, lens, world_from_camera, ball, on_surface, out)
+    let shot = BallShot { picture, without_ball: None, lens, world_from_camera, ball, on_surface };
+    BallUnwrapper::new().unwrap(&shot, out)
 }
 
 /// The radiance and flags of a pixel, made finite and not negative: infinite becomes [`LARGEST_RADIANCE`], NaN the mean

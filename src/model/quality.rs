@@ -1,6 +1,6 @@
 //! All settings that trade accuracy for time, in one value that travels with the frame.
 
-use super::blocker::Rung;
+use super::{blocker::Rung, light::MAX_LIGHTS};
 use crate::math::sh::zonal::PhongNorm;
 
 /// What becomes of the light: how much of it is hard.
@@ -108,8 +108,12 @@ pub struct Quality {
     pub soft_step_px: u32,
     /// The soft half is damped until it shines negatively on no surface, and no more.
     pub dering: bool,
+    /// Compact lights that are looked for: 1 to 4.
+    pub lights: usize,
     /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
     pub shadow_maps: usize,
+    /// Spheres that stand for every body that blocks soft light, 4 to 64; 0: as many as the scene asks for.
+    pub spheres: usize,
     /// SH order of the light, 2 to 6.
     pub sh_order: usize,
     /// How an object's own shadow under soft light is found.
@@ -137,7 +141,9 @@ impl Default for Quality {
             soft_at: SoftAt::Pixel,
             soft_step_px: 4,
             dering: false,
+            lights: MAX_LIGHTS,
             shadow_maps: 8,
+            spheres: 0,
             sh_order: 4,
             self_shadow: SelfShadow::Transfer,
             phong_norm: PhongNorm::EnergySafe,

@@ -1,6 +1,6 @@
 //! Everything that can happen to the pipeline: one closed enum, one loop.
 
-use super::{Pipeline, PipelineError, feed::Feed, frame::FrameOutcome};
+use super::{Change, Pipeline, PipelineError, feed::Feed, frame::FrameOutcome};
 use crate::device::{DeviceError, Truth};
 use crate::model::{frame::RawFrame, picture::Picture};
 
@@ -16,6 +16,8 @@ pub enum Event {
         /// What the source knows of this frame, where it does.
         truth: Option<Box<Truth>>,
     },
+    /// Settings have changed.
+    Changed(Box<Change>),
     /// No frame came in time.
     Nothing,
     /// The source has no more.
@@ -75,6 +77,7 @@ pub fn run(
                     return Ok(counts);
                 }
             }
+            Event::Changed(change) => pipeline.change(*change)?,
             Event::Nothing => {}
             Event::Ended => return Ok(counts),
             Event::Failed(error) => return Err(PipelineError::Device(error)),

@@ -8,6 +8,7 @@ use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
 use crate::light::prefilter::Wanted;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
+use crate::light::unwrap_ball::BallShot;
 use crate::model::{
     environment::EnvironmentPicture,
     estimate::{LightEstimate, PoseEstimate, Provenance},
@@ -36,20 +37,9 @@ pub struct Lighting {
 impl Lighting {
     /// Empty: no frame, no light.
     pub fn new(rig: &Rig, options: &Options) -> Self {
-        let halve = HalveOptions {
-            kind: options.quality.split,
-            shadow_maps: options.quality.shadow_maps,
-            net_flux: SplitOptions {
-                least_anisotropy: options.light_threshold,
-                gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
-                ..SplitOptions::default()
-            },
-            above_horizon: options.ball_on_surface,
-            dering: options.quality.dering,
-        };
         Self {
             sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),
-            follow: Follow::new(options.filter_tau_s, halve),
+            follow: Follow::new(options.filter_tau_s, halving(options)),
             picture: HdrImage::default(),
             quality: options.quality,
             on_surface: options.ball_on_surface,
@@ -57,6 +47,15 @@ impl Lighting {
             bracket: 0,
             refused: 0,
         }
+    }
+
+    /// Goes on with other settings; what was seen and measured stays.
+    pub fn retune(&mut self, options: &Options) {
+        self.sliding.keep(options.quality.brackets);
+        self.follow.retune(options.filter_tau_s, halving(options));
+        self.quality = options.quality;
+        self.on_surface = options.ball_on_surface;
+        self.full_bracket = options.quality.brackets.min(options.exposures_in_cycle.max(1));
     }
 
     /// Takes a frame, warps older frames of other exposures into its view, and merges them. Returns when the
@@ -108,13 +107,14 @@ impl Lighting {
         if let (true, Some(pose), Some(ball)) =
             (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
         {
-            let job = LightJob::Ball {
+            let job = LightJob::Ball(BallShot {
                 picture: &self.picture,
                 lens: &rig.lens,
                 world_from_camera: &pose.world_from_camera,
                 ball,
                 on_surface: self.on_surface,
-            };
+                without_ball: None,
+            });
             match engine.estimate_light(&job, &self.quality) {
                 Ok(light) => {
                     self.follow.update(t, &light.total, &light.flags, engine.measured_samples());
@@ -129,5 +129,20 @@ impl Lighting {
             }
         }
         self.follow.estimate(t)
+    }
+}
+
+fn halving(options: &Options) -> HalveOptions {
+    HalveOptions {
+        kind: options.quality.split,
+        lights: options.quality.lights,
+        shadow_maps: options.quality.shadow_maps,
+        net_flux: SplitOptions {
+            least_anisotropy: options.light_threshold,
+            gray_weights: if options.rec709 { GRAY_REC709 } else { GRAY_PAPER },
+            ..SplitOptions::default()
+        },
+        above_horizon: options.ball_on_surface,
+        dering: options.quality.dering,
     }
 }

@@ -25,7 +25,7 @@ use crate::model::{
     rig::Rig,
     scene::Scene,
 };
-use crate::plan::PassTiming;
+use crate::plan::{FramePlan, PassTiming};
 use frame::{FrameOutcome, Shown, Stage};
 use lighting::Lighting;
 use presenting::Presenting;
@@ -76,6 +76,16 @@ pub struct Options {
     pub decimate: f32,
     /// Blur before tags are searched, pixels.
     pub quad_sigma_px: f32,
+}
+
+/// Settings that have changed while the pipeline runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Change {
+    /// All of them; those of the tracker and of the exposures are not looked at.
+    pub options: Options,
+    /// Gives the scene's bodies what they carry with them (spheres, transfer) anew, where that depends on what has
+    /// changed.
+    pub dress: Option<fn(&mut Scene, &Quality)>,
 }
 
 /// What the last picture was drawn from, besides its pose and its light.
@@ -138,6 +148,21 @@ impl Pipeline {
             passes: Vec::new(),
             frames_done: 0,
         })
+    }
+
+    /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
+    /// scene stay; light of another order is measured anew. Fails where the engine cannot take the scene.
+    pub fn change(&mut self, change: Change) -> Result<(), PipelineError> {
+        let Change { options, dress } = change;
+        self.options = options;
+        self.lighting.retune(&options);
+        self.presenting.retune(&options);
+        if let Some(dress) = dress {
+            self.presenting.change_scene(|scene| dress(scene, &options.quality));
+            self.engine.load_scene(self.presenting.scene())?;
+        }
+        self.lighting.want(Wanted::by(self.presenting.scene(), options.quality.sh_order));
+        Ok(())
     }
 
     /// One frame, all stages. Errors of the engine in the light or in the drawing degrade the picture and are logged;
@@ -207,6 +232,11 @@ impl Pipeline {
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         self.presenting.picture()
+    }
+
+    /// The passes of the last picture, and those left out, each with its reason.
+    pub fn plan(&self) -> &FramePlan {
+        self.presenting.plan()
     }
 
     /// What the last picture was drawn from.

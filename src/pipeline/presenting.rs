@@ -55,6 +55,23 @@ impl Presenting {
         }
     }
 
+    /// Draws with other settings from now on.
+    pub fn retune(&mut self, options: &Options) {
+        self.quality = options.quality;
+        self.view = options.view;
+        if self.shown_exposure.asked != options.shown_exposure {
+            self.shown_exposure = ShownExposure::new(options);
+        }
+    }
+
+    /// Changes the scene, which the engine has then to be given; time in it goes on.
+    pub fn change_scene(&mut self, change: impl FnOnce(&mut Scene)) {
+        change(&mut self.scene);
+        self.posed = Posed::new(&self.scene);
+        // Views that have a scene of their own make it from the new one.
+        self.views = Views::default();
+    }
+
     /// Looks at how well a frame is exposed (only during the first cycle of exposures).
     pub fn see(&mut self, frame: &RawFrame) {
         self.shown_exposure.see(frame);
@@ -129,6 +146,11 @@ impl Presenting {
         &self.scene
     }
 
+    /// The passes of the last picture.
+    pub fn plan(&self) -> &FramePlan {
+        &self.plan
+    }
+
     /// Exposure of the shown pictures.
     pub fn shown_exposure(&self) -> Exposure {
         self.shown_exposure.chosen
@@ -143,9 +165,10 @@ impl Presenting {
 /// Mean 8-bit value of a well exposed picture.
 const WELL_EXPOSED: f64 = 110.0;
 
-/// Which exposure the shown picture has: the longest of the cycle (never black) until one cycle has been seen, then
+/// Which exposure the shown picture has: the one that was asked for, else the longest of the cycle (never black) until one cycle has been seen, then
 /// the best exposed one.
 struct ShownExposure {
+    asked: Option<Exposure>,
     chosen: Exposure,
     best: Exposure,
     /// Frames still to be looked at before the choice is made.
@@ -159,7 +182,7 @@ impl ShownExposure {
         let chosen = options.shown_exposure.unwrap_or(options.longest_exposure);
         let frames_left =
             if options.shown_exposure.is_some() { 0 } else { options.exposures_in_cycle.max(1) };
-        Self { chosen, best: chosen, frames_left, miss: f64::INFINITY }
+        Self { asked: options.shown_exposure, chosen, best: chosen, frames_left, miss: f64::INFINITY }
     }
 
     fn see(&mut self, frame: &RawFrame) {

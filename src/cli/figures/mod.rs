@@ -172,6 +172,7 @@ impl Moment {
     fn halve_options(&self, quality: &Quality) -> HalveOptions {
         HalveOptions {
             kind: quality.split,
+            lights: quality.lights,
             shadow_maps: quality.shadow_maps,
             net_flux: SplitOptions::default(),
             above_horizon: self.above_horizon,

@@ -7,6 +7,7 @@ use crate::assets::{
     pictures,
 };
 use crate::engine::{Engine, LightJob, MeasuredLight};
+use crate::light::unwrap_ball::BallShot;
 use crate::light::{place_ball, unwrap_ball::unwrap_ball};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
@@ -123,8 +124,14 @@ pub fn samples(
     // Once more for the samples, which an engine keeps to itself.
     unwrap_ball(&picture, &lens, &pose, &ball, on_surface, &mut samples)
         .map_err(|e| CliError(e.to_string()))?;
-    let job =
-        LightJob::Ball { picture: &picture, lens: &lens, world_from_camera: &pose, ball: &ball, on_surface };
+    let job = LightJob::Ball(BallShot {
+        picture: &picture,
+        lens: &lens,
+        world_from_camera: &pose,
+        ball: &ball,
+        on_surface,
+        without_ball: None,
+    });
     let quality = Quality { sh_order: usize::from(arguments.order), ..Quality::default() };
     let light = engine.estimate_light(&job, &quality).map_err(|e| CliError(e.to_string()))?;
     Ok((samples, light))

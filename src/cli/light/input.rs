@@ -1,6 +1,6 @@
 //! Pictures in: one linear picture, or 8-bit exposures merged.
 
-use super::CliError;
+use crate::cli::{CliError, bracket::steady};
 use crate::{
     assets::pictures,
     engine::{Bracket, Engine},
@@ -49,16 +49,28 @@ pub fn merged(
             files.len()
         )));
     }
-    let loaded = files
+    let mut loaded = files
         .iter()
         .map(|file| pictures::load_rgb8(file).map_err(|e| CliError(e.to_string())))
         .collect::<Result<Vec<_>, _>>()?;
-    let loaded: Vec<&Rgb8Image> = loaded.iter().collect();
     let exposures: Vec<Exposure> = times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
-    let response = match response.unwrap_or("srgb") {
+    let first = choose_response(response, &loaded, &exposures, &mut Vec::new())?;
+    notes.extend(steady(&mut loaded, &exposures, &first));
+    let response = choose_response(response, &loaded, &exposures, notes)?;
+    merge(&loaded.iter().collect::<Vec<_>>(), &exposures, &response, engine)
+}
+
+fn choose_response(
+    asked: Option<&str>,
+    pictures: &[Rgb8Image],
+    exposures: &[Exposure],
+    notes: &mut Vec<String>,
+) -> Result<Response, CliError> {
+    Ok(match asked.unwrap_or("srgb") {
         "srgb" => Response::srgb(),
         "solve" => {
-            let recovered = solve(&loaded, &exposures, &SolveOptions::default());
+            let pictures: Vec<&Rgb8Image> = pictures.iter().collect();
+            let recovered = solve(&pictures, exposures, &SolveOptions::default());
             match recovered.origin {
                 Origin::Solved { residual_rms } => {
                     notes.push(format!(
@@ -72,8 +84,7 @@ pub fn merged(
             recovered.response
         }
         file => load_response(Path::new(file))?,
-    };
-    merge(&loaded, &exposures, &response, engine)
+    })
 }
 
 /// Merges on the engine asked for.

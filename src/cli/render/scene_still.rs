@@ -5,14 +5,16 @@ use crate::assets::{
     pictures, response,
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
 };
-use crate::cli::CliError;
+use crate::cli::{CliError, bracket::steady};
 use crate::daemon::{blocker_spheres, vertex_transfer};
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
+use crate::light::unwrap_ball::BallShot;
 use crate::light::{
     halve::{HalveOptions, halve_still, halve_still_with_rest},
     prefilter::{Prefilter, Wanted},
 };
+use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -22,6 +24,7 @@ use crate::model::{
     picture::PictureView,
     quality::Quality,
     response::Response,
+    rig::MirrorBall,
 };
 use crate::pipeline::gray_place::GrayPlace;
 use glam::{DMat3, DVec3, Vec3};
@@ -45,8 +48,8 @@ pub fn of_scene(
         .camera
         .as_ref()
         .ok_or_else(|| CliError(format!("{}: camera: must be given to draw a still", file.file.display())))?;
-    let place = load(&camera.pictures)?;
-    let ball = match &file.light {
+    let mut place = load(&camera.pictures)?;
+    let mut ball = match &file.light {
         LightSource::Ball(pictures) => {
             let loaded = load(pictures)?.ok_or_else(|| {
                 CliError(format!("{}: light.pictures: must name pictures of the ball", file.file.display()))
@@ -56,6 +59,19 @@ pub fn of_scene(
         _ => None,
     };
     let response = choose_response(place.as_ref(), ball.as_ref(), notes)?;
+    let mut moved = Vec::new();
+    for loaded in [&mut place, &mut ball].into_iter().flatten() {
+        moved.extend(steady(&mut loaded.pictures, &loaded.exposures, &response));
+    }
+    let response = match moved.is_empty() {
+        true => response,
+        false => choose_response(place.as_ref(), ball.as_ref(), &mut Vec::new())?,
+    };
+    notes.extend(moved);
+    let photographed = match &place {
+        Some(loaded) => Some(merge(loaded, &response, engine)?),
+        None => None,
+    };
     let total = match &file.light {
         LightSource::Unstated => {
             return Err(CliError(format!(
@@ -65,7 +81,8 @@ pub fn of_scene(
         }
         LightSource::Stated { .. } => None,
         LightSource::Ball(_) => {
-            Some(read_ball(file, camera, ball.as_ref(), &response, engine, quality, notes)?)
+            let place = photographed.as_ref();
+            Some(read_ball(file, camera, ball.as_ref(), place, &response, engine, quality, notes)?)
         }
         LightSource::File { file, layout, y_up, rotation_deg } => {
             Some(read_map(file, *layout, *y_up, *rotation_deg, engine, quality)?)
@@ -116,17 +133,16 @@ pub fn of_scene(
         light.global.order
     ));
     let mut scene = file.scene.clone();
-    blocker_spheres::fit(&mut scene);
+    blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
-    let (background, exposure_s) = match &place {
-        Some(loaded) => {
-            (merge(loaded, &response, engine)?, loaded.exposures.first().map(|e| e.effective_s()))
-        }
+    let exposure_s = place.as_ref().and_then(|loaded| loaded.exposures.first()).map(|e| e.effective_s());
+    let background = match photographed {
+        Some(picture) => picture,
         None => {
             let mut gray = HdrImage::default();
             let (surfaces, pose) = (&file.scene.surfaces, &camera.world_from_camera);
             GrayPlace::default().draw(surfaces, &camera.lens, pose, &light, &mut gray);
-            (gray, None)
+            gray
         }
     };
     Ok(Still {
@@ -210,10 +226,12 @@ fn merge(loaded: &Loaded, response: &Response, engine: &mut dyn Engine) -> Resul
     Ok(out)
 }
 
+#[expect(clippy::too_many_arguments, reason = "the parts of one measurement, all needed")]
 fn read_ball(
     file: &SceneFile,
     camera: &SceneCamera,
     loaded: Option<&Loaded>,
+    place: Option<&HdrImage>,
     response: &Response,
     engine: &mut dyn Engine,
     quality: &Quality,
@@ -226,13 +244,21 @@ fn read_ball(
         )));
     };
     let picture = merge(loaded, response, engine)?;
-    let job = LightJob::Ball {
+    let without_ball = place.filter(|place| lacks_ball(place, &picture, camera, ball));
+    if without_ball.is_some() {
+        notes.push(
+            "the camera's own pictures show the place without the ball: its shadows are read against them"
+                .into(),
+        );
+    }
+    let job = LightJob::Ball(BallShot {
         picture: &picture,
         lens: &camera.lens,
         world_from_camera: &camera.world_from_camera,
         ball,
         on_surface: file.ball_on_surface,
-    };
+        without_ball,
+    });
     let measured = engine.estimate_light(&job, quality).map_err(|e| CliError(e.to_string()))?;
     let flags = measured.flags;
     notes.push(format!(
@@ -242,6 +268,36 @@ fn read_ball(
         100.0 * flags.filled_share
     ));
     Ok((measured.total, engine.measured_samples().clone()))
+}
+
+/// Whether the place's picture differs from the ball's where the ball is: then it was taken without the ball. By the
+/// median of |ln (brightness / brightness)| over the silhouette's inside.
+fn lacks_ball(place: &HdrImage, picture: &HdrImage, camera: &SceneCamera, ball: &MirrorBall) -> bool {
+    /// ln 1.2: noise and clouds stay below, a mirror in place of a room does not.
+    const LEAST: f32 = 0.18;
+    let (a, b) = (&place.radiance, &picture.radiance);
+    if (a.width(), a.height()) != (b.width(), b.height()) {
+        return false;
+    }
+    let camera_from_world = camera.world_from_camera.inverse();
+    let centre = camera_from_world.transform(ball.centre_world);
+    let mut differences = Vec::new();
+    for k in 0..400 {
+        // A sunflower on the disc through the centre that faces the camera, inside 0.9 of the radius.
+        let (radius, turn) = (0.9 * ball.radius_m * (f64::from(k) / 400.0).sqrt(), 2.399_963 * f64::from(k));
+        let (right, down) = centre.normalize_or(DVec3::Z).any_orthonormal_pair();
+        let at = centre + (right * turn.cos() + down * turn.sin()) * radius;
+        let Some(px) = camera.lens.project(at) else { continue };
+        if px.x >= 0.0 && px.y >= 0.0 && (px.x as usize) < a.width() && (px.y as usize) < a.height() {
+            let (x, y) = (px.x as usize, px.y as usize);
+            let (p, q) = (gray(*a.at(x, y)), gray(*b.at(x, y)));
+            if p > 0.0 && q > 0.0 {
+                differences.push((p / q).ln().abs());
+            }
+        }
+    }
+    differences.sort_unstable_by(f32::total_cmp);
+    differences.get(differences.len() / 2).is_some_and(|median| *median > LEAST)
 }
 
 fn read_map(

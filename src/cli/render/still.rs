@@ -26,6 +26,7 @@ use crate::plan::{FramePlan, PassTiming};
 pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
     HalveOptions {
         kind: quality.split,
+        lights: quality.lights,
         shadow_maps: quality.shadow_maps,
         net_flux: SplitOptions::default(),
         above_horizon,
@@ -113,7 +114,7 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         )));
     }
     let mut scene = case.scene(Some(image)).map_err(file)?;
-    blocker_spheres::fit(&mut scene);
+    blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
     let emitters = case.emitters(Some(image)).map_err(file)?;
     let sources = case_light::sources(case, &emitters)?;

@@ -13,9 +13,8 @@ use crate::{
     light::{
         maps::samples_of_map,
         project_sh,
-        unwrap_ball::{self, BallUnwrapper, BallView, UnwrapError},
+        unwrap_ball::{BallShot, BallUnwrapper, BallView, UnwrapError},
     },
-    math::{lens::Lens, pose::Pose},
     model::{
         estimate::LightFlags,
         image::HdrImage,
@@ -23,7 +22,6 @@ use crate::{
         picture::Picture,
         quality::Quality,
         response::Response,
-        rig::MirrorBall,
         scene::Scene,
     },
     plan::{FramePlan, Pass, PassTiming},
@@ -99,37 +97,26 @@ impl GpuEngine {
     /// ball does not show.
     fn unwrap_ball(
         &mut self,
-        seen: &BallPicture<'_>,
+        shot: &BallShot<'_>,
         out: &mut RadianceSamples,
     ) -> Result<LightFlags, EngineError> {
-        let BallPicture { picture, lens, world_from_camera, ball, on_surface } = *seen;
         let (twin, timer) = (&mut self.unwrapper, &mut self.timer);
         let refused = |error: UnwrapError| EngineError::Input(error.to_string());
         if self.on_cpu[Pass::UnwrapBall as usize] {
-            let unwrap = || twin.unwrap(picture, lens, world_from_camera, ball, on_surface, out);
+            let unwrap = || twin.unwrap(shot, out);
             return timer.host(Pass::UnwrapBall, unwrap).map_err(refused);
         }
         let kernel = ready(&mut self.unwrap, &self.context, UnwrapBall::new)?;
         let (view, cells) = (&mut self.ball_view, &mut self.cells);
         let prepare = || {
-            unwrap_ball::check(picture, lens, world_from_camera.translation, ball)?;
-            view.prepare(lens, world_from_camera, ball)
+            shot.check()?;
+            view.prepare(shot.lens, shot.world_from_camera, shot.ball)
         };
         timer.host(Pass::UnwrapBall, prepare).map_err(refused)?;
-        kernel.run(&self.context, timer, view, on_surface, cells)?;
-        let finish = || twin.finish(view, cells, picture, lens, world_from_camera, ball, on_surface, out);
+        kernel.run(&self.context, timer, view, shot.on_surface, cells)?;
+        let finish = || twin.finish(view, cells, shot, out);
         timer.host(Pass::UnwrapBall, finish).map_err(refused)
     }
-}
-
-/// A ball in a picture.
-#[derive(Clone, Copy)]
-struct BallPicture<'a> {
-    picture: &'a HdrImage,
-    lens: &'a Lens,
-    world_from_camera: &'a Pose,
-    ball: &'a MirrorBall,
-    on_surface: bool,
 }
 
 impl Engine for GpuEngine {
@@ -173,10 +160,7 @@ impl Engine for GpuEngine {
         cpu::check_light(job, quality)?;
         let mut samples = std::mem::take(&mut self.samples);
         let flags = match *job {
-            LightJob::Ball { picture, lens, world_from_camera, ball, on_surface } => {
-                let seen = BallPicture { picture, lens, world_from_camera, ball, on_surface };
-                self.unwrap_ball(&seen, &mut samples)
-            }
+            LightJob::Ball(shot) => self.unwrap_ball(&shot, &mut samples),
             LightJob::Map(map) => Ok(samples_of_map(map, &mut samples)),
         };
         let measured = flags.and_then(|flags| {

@@ -43,6 +43,8 @@ pub struct Finder {
     born: u32,
     since_swap_s: f64,
     begun: bool,
+    /// Slots that are not to be used, at the end.
+    unused: usize,
 }
 
 /// What a cap holds beyond its background.
@@ -62,6 +64,11 @@ impl Finder {
     /// The lights, each in its slot.
     pub fn lights(&self) -> [Option<CompactLight>; MAX_LIGHTS] {
         self.followed.map(|f| f.map(|f| f.light))
+    }
+
+    /// Finds no more than so many lights, 1 to 4; those beyond are on their way out.
+    pub fn keep_at_most(&mut self, lights: usize) {
+        self.unused = MAX_LIGHTS - lights.clamp(1, MAX_LIGHTS);
     }
 
     /// Looks at the picture, `dt_s` after the last time.
@@ -88,7 +95,7 @@ impl Finder {
         for slot in 0..MAX_LIGHTS {
             let Some(mut followed) = self.followed[slot] else { continue };
             let cap = self.cap_around(followed.centre);
-            if cap.flux < 0.5 * least {
+            if cap.flux < 0.5 * least || slot >= MAX_LIGHTS - self.unused {
                 followed.leaving = true;
             } else if cap.flux >= least {
                 followed.leaving = false;
@@ -111,7 +118,8 @@ impl Finder {
             if cap.flux < least {
                 return;
             }
-            let Some(slot) = self.followed.iter().position(Option::is_none) else {
+            let Some(slot) = self.followed[..MAX_LIGHTS - self.unused].iter().position(Option::is_none)
+            else {
                 self.consider_swap(&cap);
                 return;
             };
@@ -133,8 +141,8 @@ impl Finder {
 
     fn consider_swap(&mut self, cap: &Cap) {
         let flux = |f: &Option<Followed>| f.map_or(0.0, |f| color::luminance(f.light.flux_rgb));
-        let faintest =
-            (0..MAX_LIGHTS).min_by(|&a, &b| flux(&self.followed[a]).total_cmp(&flux(&self.followed[b])));
+        let faintest = (0..MAX_LIGHTS - self.unused)
+            .min_by(|&a, &b| flux(&self.followed[a]).total_cmp(&flux(&self.followed[b])));
         let all_stay = self.followed.iter().flatten().all(|f| !f.leaving && f.light.fade >= 1.0);
         if let Some(slot) = faintest
             && all_stay

@@ -29,6 +29,11 @@ impl CompactSplit {
         Self::default()
     }
 
+    /// Finds no more than so many lights (1 to 4; 4 at the beginning); those beyond fade out.
+    pub fn keep_at_most(&mut self, lights: usize) {
+        self.finder.keep_at_most(lights);
+    }
+
     /// Takes in radiance from weighted directions (world frame), with weight `alpha` against what was there, `dt_s`
     /// after the last; 1 forgets all that was. With `above_horizon` lights are only looked for at z > 0: what a
     /// surface below sends stays soft.

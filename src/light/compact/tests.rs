@@ -50,6 +50,34 @@ fn lights_are_found_where_they_are_and_as_wide_as_they_are() {
 }
 
 #[test]
+fn the_brightest_are_kept_and_the_others_fade_out() {
+    let (lamp, window) = (Vec3::new(0.5, -0.4, 0.7), Vec3::new(-1.0, 0.3, 0.2));
+    let samples = place(40_000, 0.1, &[(lamp, 3.0, 2.0), (window, 3.0, 3.0)]);
+    let total = crate::light::project_sh::project_sh(&samples, 4);
+    let mut split = CompactSplit::new();
+    split.keep_at_most(1);
+    let look = |split: &mut CompactSplit, dt_s: f64| {
+        split.update(&samples, 1.0, dt_s, false);
+        let lights = split.lights(&total, 16).compact;
+        lights.iter().flatten().map(|l| (Vec3::from(l.to_light_world), l.fade)).collect::<Vec<_>>()
+    };
+    let one = look(&mut split, 0.0);
+    assert_eq!(one.len(), 1);
+    assert!(one[0].0.angle_between(window) < 0.01, "the brighter of both: {one:?}");
+    split.keep_at_most(4);
+    for _ in 0..20 {
+        look(&mut split, FADE_S);
+    }
+    assert_eq!(look(&mut split, FADE_S).len(), 2);
+    // Half way out after half of the time, and gone after all of it.
+    split.keep_at_most(1);
+    let fading = look(&mut split, FADE_S / 2.0);
+    assert!(fading.len() == 2 && fading.iter().any(|l| (l.1 - 0.5).abs() < 1e-6), "{fading:?}");
+    look(&mut split, FADE_S);
+    assert_eq!(look(&mut split, FADE_S).len(), 1);
+}
+
+#[test]
 fn uniform_light_darkness_and_noise_have_no_lights() {
     assert!(found(&place(20_000, 1.0, &[])).is_empty());
     assert!(found(&place(20_000, 0.0, &[])).is_empty());

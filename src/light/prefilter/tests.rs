@@ -117,6 +117,7 @@ fn the_rest_and_the_hard_lights_are_the_whole() {
     let options = HalveOptions {
         dering: false,
         kind: SplitKind::Compact,
+        lights: 4,
         shadow_maps: 8,
         net_flux: SplitOptions::default(),
         above_horizon: false,
