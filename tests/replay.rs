@@ -93,6 +93,20 @@ fn digest_is_the_same_in_debug_and_release() {
 }
 
 #[test]
+fn the_report_says_why_a_pass_runs_and_where_no_shader_can() {
+    let report = replay(&debug_build(), &["--frames", "4", "--rung", "hybrid", "--sh-order", "5"]);
+    let plan = |list: &str| report["plan"][list].as_array().unwrap().clone();
+    let reason_of = |name: &str| {
+        let found = plan("passes").into_iter().find(|p| p["pass"] == name).unwrap();
+        found["reason"].as_str().unwrap().to_owned()
+    };
+    assert!(reason_of("compose/soft_shadow").contains("orders 5 and 6 of this rung have no shader"));
+    assert_eq!(reason_of("compose/composite"), "a picture is drawn");
+    // Light and bracket are other plans than a picture's.
+    assert!(plan("left_out").iter().any(|p| p["pass"] == "light/project_sh"));
+}
+
+#[test]
 fn a_recording_cut_short_is_replayed_up_to_there() {
     let whole = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(RECORDING)).unwrap();
     let folder = std::env::temp_dir().join(format!("halflight-cut-{}", std::process::id()));

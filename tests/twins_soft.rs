@@ -178,6 +178,7 @@ fn every_rung(backend: Backend) {
             Quality { rung, sh_order: order, soft_step_px: 1, coverage_samples: 1, ..Quality::default() };
         let mut shot = Shot::new(spheres_alone(&body()), soft_light(order), &quality);
         assert!(fits(rung, order, shot.posed.spheres()), "else the twin runs in the device's stead");
+        assert!(!shot.plan.passes.iter().any(|p| p.reason.contains("no shader")));
         let (twin, device) = (shot.draw(&mut cpu), shot.draw(&mut engine));
         let (apart, worst, smallest) = compare(&device, &twin);
         println!("{} order {order}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}", rung.name());

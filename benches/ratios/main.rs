@@ -1,16 +1,27 @@
-//! Ratios in one run on one machine: `cargo bench --bench ratios`. A list of modules and nothing else.
+//! Ratios in one run on one machine: `cargo bench --bench ratios`, or `-- NAME` for one module of the list.
 
 mod blockers;
 mod frame;
 mod growth;
 mod merge_bracket;
+mod naive;
+mod nearfield;
 mod opencv;
 mod project_sh;
 
 fn main() {
-    merge_bracket::run();
-    project_sh::run();
-    blockers::run();
-    growth::run();
-    frame::run();
+    let all: [(&str, fn()); 7] = [
+        ("merge_bracket", merge_bracket::run),
+        ("project_sh", project_sh::run),
+        ("blockers", blockers::run),
+        ("growth", growth::run),
+        ("naive", naive::run),
+        ("nearfield", nearfield::run),
+        ("frame", frame::run),
+    ];
+    // Cargo itself adds `--bench`.
+    let only = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
+    for (_, run) in all.iter().filter(|(name, _)| only.as_ref().is_none_or(|only| only == name)) {
+        run();
+    }
 }

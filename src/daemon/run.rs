@@ -19,7 +19,7 @@ use crate::pipeline::{
     event::{FrameSink, RunCounts, run as run_events},
     feed::{Lockstep, Realtime},
 };
-use crate::plan::PassTiming;
+use crate::plan::{FramePlan, PassTiming};
 use std::path::Path;
 
 /// A pipeline with the source that feeds it.
@@ -112,6 +112,17 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
     Ok((scene, rig))
 }
 
+/// What a run left.
+#[derive(Clone, Debug)]
+pub struct Ran {
+    /// What went through.
+    pub counts: RunCounts,
+    /// Times of every pass of every frame.
+    pub passes: Vec<PassTiming>,
+    /// The passes of the last picture, and those left out, each with its reason.
+    pub last_plan: FramePlan,
+}
+
 /// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop. Settings that are `live` are
 /// followed.
 pub fn run(
@@ -119,7 +130,7 @@ pub fn run(
     settings: &Settings,
     live: Option<&mut LiveSettings>,
     sink: &mut dyn FrameSink,
-) -> Result<(RunCounts, Vec<PassTiming>), PipelineError> {
+) -> Result<Ran, PipelineError> {
     let cycle = &prepared.cycle;
     let counts = match settings.mode {
         RunMode::Lockstep => {
@@ -136,7 +147,7 @@ pub fn run(
             run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
         }
     }?;
-    Ok((counts, prepared.pipeline.take_passes()))
+    Ok(Ran { counts, passes: prepared.pipeline.take_passes(), last_plan: prepared.pipeline.plan().clone() })
 }
 
 /// The whole daemon: settings in, run to the end.
@@ -144,5 +155,5 @@ pub fn run_daemon(settings: &Settings, live: Option<&mut LiveSettings>) -> Resul
     let prepared = prepare(settings)?;
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let mut sink = PictureFolder::new(&settings.pictures_folder)?;
-    run(prepared, settings, live, &mut sink).map(|(counts, _)| counts)
+    run(prepared, settings, live, &mut sink).map(|ran| ran.counts)
 }

@@ -25,7 +25,7 @@ use crate::model::{
     rig::Rig,
     scene::Scene,
 };
-use crate::plan::PassTiming;
+use crate::plan::{FramePlan, PassTiming};
 use frame::{FrameOutcome, Shown, Stage};
 use lighting::Lighting;
 use presenting::Presenting;
@@ -232,6 +232,11 @@ impl Pipeline {
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         self.presenting.picture()
+    }
+
+    /// The passes of the last picture, and those left out, each with its reason.
+    pub fn plan(&self) -> &FramePlan {
+        self.presenting.plan()
     }
 
     /// What the last picture was drawn from.

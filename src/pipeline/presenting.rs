@@ -146,6 +146,11 @@ impl Presenting {
         &self.scene
     }
 
+    /// The passes of the last picture.
+    pub fn plan(&self) -> &FramePlan {
+        &self.plan
+    }
+
     /// Exposure of the shown pictures.
     pub fn shown_exposure(&self) -> Exposure {
         self.shown_exposure.chosen

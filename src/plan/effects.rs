@@ -3,6 +3,7 @@
 use super::{FramePlan, Pass, PlannedPass};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
+    blocker::SHADER_SPHERES,
     light::Lights,
     quality::Quality,
     scene::{Scene, VirtualObject},
@@ -37,7 +38,8 @@ impl Occasion<'_> {
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
-/// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres.
+/// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres. Its reason says where no shader
+///   can do it, so that it runs on the CPU twin with either engine.
 /// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces a hard light, or with `SoftShadow`.
 /// * `ShadeObject`: an object is in view.
 /// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
@@ -99,17 +101,26 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Err("the hard light reaches nothing in view")
     };
     decide(Pass::ShadowMaps, shadows);
-    let spheres = scene.figures.iter().any(|f| !f.spheres.is_empty());
+    let spheres: usize = scene.figures.iter().map(|f| f.spheres.len()).sum();
     let soft = if !draw {
         Err("no picture is drawn")
-    } else if !spheres {
+    } else if spheres == 0 {
         Err("no virtual body has spheres")
     } else if !receivers {
         Err("no real surface receives shadows")
     } else if light.global.rows().iter().flatten().all(|c| *c == 0.0) {
         Err("no soft light")
     } else {
-        Ok("virtual bodies stand in soft light over real surfaces")
+        let order = light.global.order;
+        Ok(if !quality.rung.has_shader(order) {
+            "virtual bodies stand in soft light over real surfaces; on the CPU with either engine: orders 5 and 6 of \
+             this rung have no shader"
+        } else if spheres > SHADER_SPHERES {
+            "virtual bodies stand in soft light over real surfaces; on the CPU with either engine if more than 64 \
+             spheres count: shaders take no more"
+        } else {
+            "virtual bodies stand in soft light over real surfaces"
+        })
     };
     decide(Pass::SoftShadow, soft);
     let shade = if !draw {
@@ -209,6 +220,7 @@ impl ViewCone {
 mod tests {
     use super::*;
     use crate::model::{
+        blocker::Rung,
         light::{HardLight, RadianceSh},
         scene::{Material, Mesh, RealSurface},
     };
@@ -287,6 +299,37 @@ mod tests {
         assert_eq!(passes(&show, &scene(0, Some(true)), &sun(UP, 2.0)), [Composite, Tonemap]);
         let linear = Occasion { display: false, ..show };
         assert_eq!(passes(&linear, &scene(0, None), &sun(UP, 2.0)), [Composite]);
+    }
+
+    #[test]
+    fn the_reason_says_what_no_shader_can_do() {
+        let mut place = scene(1, Some(true));
+        let light = |order| {
+            let mut global = RadianceSh::zero(order);
+            global.rgb[0] = [1.0; 3];
+            Lights::soft(global)
+        };
+        let reason = |place: &Scene, rung, order| {
+            let mut out = FramePlan::default();
+            let quality = Quality { rung, sh_order: order, ..Quality::default() };
+            plan(&Occasion::SHOW, place, &light(order), &quality, &mut out);
+            out.passes.iter().find(|p| p.pass == Pass::SoftShadow).expect("soft shadows").reason
+        };
+        let body = |count| {
+            let spheres = (0..count).map(|k| (Vec3::X * k as f32, 0.1));
+            crate::model::animation::Figure::still("body".into(), 0, Affine3A::IDENTITY, spheres)
+        };
+        place.figures = vec![body(20)];
+        for rung in Rung::ALL {
+            for order in 2..=6 {
+                let on_cpu =
+                    reason(&place, rung, order).contains("orders 5 and 6 of this rung have no shader");
+                assert_eq!(on_cpu, rung != Rung::Directions && order > 4, "{} {order}", rung.name());
+            }
+        }
+        assert!(!reason(&place, Rung::Directions, 4).contains("CPU"));
+        place.figures = vec![body(40), body(40)];
+        assert!(reason(&place, Rung::Directions, 4).contains("more than 64 spheres"));
     }
 
     #[test]

@@ -66,20 +66,20 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
     let mut sink = Collector::new(&arguments, total);
     let engine = prepared.engine.clone();
-    let (counts, passes) =
-        run_prepared(prepared, &settings, None, &mut sink).map_err(|e| CliError(e.to_string()))?;
+    let ran = run_prepared(prepared, &settings, None, &mut sink).map_err(|e| CliError(e.to_string()))?;
     sink.progress.finish_and_clear();
-    if counts.frames == 0 {
+    if ran.counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));
     }
     let has_film = sink.finish_film();
     let report = Report {
         recording: arguments.recording.clone(),
         engine,
-        counts,
+        counts: ran.counts,
         frames: sink.numbers,
         light: sink.light,
-        passes,
+        passes: ran.passes,
+        last_plan: ran.last_plan,
         digest: sink.digest.hex(),
     };
     if let Some(out) = &arguments.out {

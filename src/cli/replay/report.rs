@@ -3,7 +3,7 @@
 use super::statistics::{FrameNumbers, Spread, WARM_UP_FRAMES, after_warm_up, stage};
 use crate::model::estimate::LightEstimate;
 use crate::pipeline::{event::RunCounts, frame::Stage};
-use crate::plan::PassTiming;
+use crate::plan::{FramePlan, PassTiming, PlannedPass};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -21,6 +21,8 @@ pub struct Report {
     pub light: Option<LightEstimate>,
     /// Every pass of every frame.
     pub passes: Vec<PassTiming>,
+    /// Which passes the last picture had, and why.
+    pub last_plan: FramePlan,
     /// SHA-256 of all shown pixels.
     pub digest: String,
 }
@@ -54,6 +56,9 @@ impl Report {
                 "not_finite_texels": l.flags.not_finite_texels,
             })
         });
+        let reasons = |passes: &[PlannedPass]| -> Vec<Value> {
+            passes.iter().map(|p| json!({ "pass": p.pass.name(), "reason": p.reason })).collect()
+        };
         json!({
             "recording": self.recording,
             "engine": self.engine,
@@ -62,6 +67,10 @@ impl Report {
             "passed_through": self.counts.passed_through,
             "warm_up_frames": WARM_UP_FRAMES,
             "stages": stages,
+            "plan": {
+                "passes": reasons(&self.last_plan.passes),
+                "left_out": reasons(&self.last_plan.left_out),
+            },
             "light": {
                 "last": light,
                 "direction_error": with_unit(after_warm_up(&self.frames, |f| f.direction_error_deg), "deg"),
@@ -108,6 +117,13 @@ impl Report {
         }
         for (name, spread) in self.pass_spreads() {
             let _ = writeln!(out, "  {:<24}{:>12.2}{:>12.2}", name, spread.median, spread.p95);
+        }
+        let _ = writeln!(out, "\npasses of the last picture");
+        for planned in &self.last_plan.passes {
+            let _ = writeln!(out, "  {:<24}{}", planned.pass.name(), planned.reason);
+        }
+        for planned in &self.last_plan.left_out {
+            let _ = writeln!(out, "  {:<24}left out: {}", planned.pass.name(), planned.reason);
         }
         let rows = [
             ("light direction error", "deg", after_warm_up(&self.frames, |f| f.direction_error_deg)),

@@ -12,8 +12,9 @@ mod shader_terms;
 #[cfg(test)]
 mod tests;
 
+pub use crate::model::blocker::{SHADER_ORDER, SHADER_SPHERES};
 pub use plane::Plane;
-pub use shader_terms::{BlockerTerms, SHADER_ORDER, SHADER_SPHERES};
+pub use shader_terms::BlockerTerms;
 
 use crate::{
     math::sh::{

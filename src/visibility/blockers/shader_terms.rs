@@ -6,15 +6,9 @@ use crate::{
         log_exp::{LOG_STEPS, tables},
         product::gamma,
     },
-    model::blocker::Rung,
+    model::blocker::{Rung, SHADER_ORDER, SHADER_SPHERES},
 };
 use bytemuck::{Pod, Zeroable};
-
-/// Spheres that shaders take.
-pub const SHADER_SPHERES: usize = 64;
-
-/// Largest SH order of the shader's functions for the rungs other than `directions`.
-pub const SHADER_ORDER: usize = 4;
 
 /// The shader's struct of the same name, member by member; below the 16 KiB that every uniform may have.
 #[repr(C)]
@@ -37,8 +31,7 @@ pub struct BlockerTerms {
 impl Blockers {
     /// Whether shaders can do what these do: at most 64 spheres, and for the rungs other than `directions` at most order 4.
     pub fn fit_shader(&self) -> bool {
-        let order_fits = self.rung == Rung::Directions || self.order <= SHADER_ORDER;
-        order_fits && self.spheres.len() <= SHADER_SPHERES
+        self.rung.has_shader(self.order) && self.spheres.len() <= SHADER_SPHERES
     }
 
     /// Fills the shader's uniform, of any rung but `directions`, with what fits.
