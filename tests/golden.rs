@@ -295,7 +295,6 @@ const WHERE: [(&str, Option<&str>); 28] = [
     ("hdr", Some("tests/golden_stages.rs")),
     ("tagpose", Some("tests/tags.rs")),
     ("bias", Some("tests/engine_cpu.rs")),
-    // Transfer and near fields are not built yet.
     ("ab", Some("tests/golden_blockers.rs")),
     ("dirs", Some("tests/golden_blockers.rs")),
     ("exp", Some("tests/golden_blockers.rs")),
@@ -305,9 +304,9 @@ const WHERE: [(&str, Option<&str>); 28] = [
     ("ladder", Some("tests/golden_blockers.rs")),
     ("logzh", Some("tests/golden_blockers.rs")),
     ("overlap", Some("tests/golden_blockers.rs")),
-    ("rule", None),
-    ("shaft", None),
-    ("transfer", None),
+    ("rule", Some("tests/golden_near.rs")),
+    ("shaft", Some("tests/golden_near.rs")),
+    ("transfer", Some("tests/golden_near.rs")),
 ];
 
 #[test]

@@ -1,12 +1,27 @@
 //! The shared golden numbers for near light in a known room.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 #[path = "support/golden.rs"]
 mod golden;
 mod support;
 
-use glam::DVec3;
-use golden::{Entry, Precision};
-use halflight::nearfield::form_factor::form_factor;
+use glam::{DVec3, Vec3};
+use golden::{Entry, Precision, numbers};
+use halflight::{
+    model::room::Patch,
+    nearfield::{
+        form_factor::form_factor,
+        intensity::intensity_transfers,
+        sets::{budget_threshold, source_set},
+        shaft::{Aabb, shaft_interval},
+    },
+    sources::{
+        expand::{Expander, Marked, Priority},
+        tree::SourceTree,
+    },
+};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn ff<T: Precision>(entry: &Entry) {
     let point = DVec3::from_slice(&entry.list::<f64>("point"));
@@ -15,8 +30,130 @@ fn ff<T: Precision>(entry: &Entry) {
     entry.check_key("F_exact", Some(&[T::of(form_factor(point, normal, &corners))]));
 }
 
+fn transfer<T: Precision>(entry: &Entry) {
+    let light = entry.list::<T>("L_ij_sorted");
+    let second: Vec<bool> = entry.list::<f64>("set").iter().map(|s| *s == 1.0).collect();
+    let total = entry.number::<T>("L_i");
+    let tone = |x: T| T::of(255.0) * x.max(T::zero()).min(T::one()).powf(T::of(1.0 / 2.2));
+    let mut values = Vec::new();
+    intensity_transfers(&light, &second, total, &tone, &mut values);
+    entry.check_key("S", Some(&values));
+    let occluded: Vec<usize> = entry.list::<f64>("occluded").iter().map(|i| *i as usize).collect();
+    let (mut shown, mut left) = (tone(total), total);
+    for i in occluded {
+        shown = shown - values[i];
+        left = left - light[i];
+    }
+    entry.check_key("I_ldr", Some(&[shown]));
+    entry.check_key("I_exact", Some(&[tone(left)]));
+}
+
+fn shaft(entry: &Entry) {
+    let boxed = |key: &str| {
+        let v = entry.list::<f64>(key);
+        Aabb {
+            low: Vec3::new(v[0] as f32, v[1] as f32, v[2] as f32),
+            high: Vec3::new(v[3] as f32, v[4] as f32, v[5] as f32),
+        }
+    };
+    let met = shaft_interval(&boxed("source_box"), &boxed("receiver_box"), &boxed("object_box"));
+    assert_eq!(met.is_some(), entry.expected["intersects"] == true, "{}", entry.id);
+    entry.check_key::<f32>("t_interval", met.as_ref().map(|t| &t[..]));
+}
+
+fn names(value: &Value) -> Vec<String> {
+    value.as_array().unwrap().iter().map(|v| v.as_str().unwrap().to_owned()).collect()
+}
+
+/// Leaves of the file's tree from left to right, with their transfer; the leaves below each of its nodes.
+fn leaves(
+    node: &Value,
+    all: &mut Vec<(String, f32)>,
+    below: &mut BTreeMap<BTreeSet<String>, String>,
+) -> BTreeSet<String> {
+    let id = node["id"].as_str().unwrap().to_owned();
+    let own = match node["ch"].as_array() {
+        Some(children) => children.iter().flat_map(|c| leaves(c, all, below)).collect(),
+        None => {
+            all.push((id.clone(), node["t"].as_f64().unwrap() as f32));
+            BTreeSet::from([id.clone()])
+        }
+    };
+    below.insert(own.clone(), id);
+    own
+}
+
+fn rule(entry: &Entry) {
+    match entry.id.split('.').nth(1) {
+        Some("repr") => {
+            let (mut all, mut below) = (Vec::new(), BTreeMap::new());
+            leaves(&entry.inputs["tree"], &mut all, &mut below);
+            // Five leaves of equal weight in a row are cut 3 + 2, then 2 + 1: the file's tree.
+            let places: Vec<Vec3> = (0..all.len()).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
+            let tree = SourceTree::build(&places, &vec![1.0; all.len()]);
+            let marked = names(&entry.inputs["marked_leaves"]);
+            let light: Vec<f32> =
+                all.iter().map(|(id, t)| if marked.contains(id) { *t } else { 0.0 }).collect();
+            let towards: Vec<Vec3> = places.iter().map(|p| (*p + Vec3::Z * 3.0).normalize()).collect();
+            let mut expander = Expander::default();
+            let trees = [Marked { tree: &tree, light: &light, towards: &towards, lasting: true }];
+            let chosen = expander.expand(&trees, entry.count("n"), Priority::Transfer);
+            let got: BTreeSet<String> = chosen
+                .iter()
+                .map(|c| {
+                    let node = tree.nodes()[c.node as usize];
+                    let own =
+                        (node.begin..node.end).map(|l| all[l as usize].0.clone()).collect::<BTreeSet<_>>();
+                    below[&own].clone()
+                })
+                .collect();
+            let want = names(&entry.expected["fixed_key_marked_only_collapsed"]);
+            assert_eq!(got, want.into_iter().collect(), "{}", entry.id);
+        }
+        Some("sourceset") => {
+            let listed = entry.inputs["patches"].as_array().unwrap();
+            let patches: Vec<Patch> = listed
+                .iter()
+                .map(|p| Patch {
+                    corners: [0, 1, 2, 2],
+                    centre_world: Vec3::ZERO,
+                    normal_world: Vec3::Z,
+                    area_m2: p["A"].as_f64().unwrap() as f32,
+                    radiance_rgb: [p["L"].as_f64().unwrap() as f32; 3],
+                    reflectance_rgb: [0.0; 3],
+                    seen: true,
+                    surface: 0,
+                })
+                .collect();
+            let set = source_set(&patches, entry.number::<f64>("fraction"));
+            let got: Vec<&str> =
+                set.patches.iter().map(|&i| listed[i as usize]["id"].as_str().unwrap()).collect();
+            assert_eq!(got, names(&entry.expected["by_radiance"]), "{}", entry.id);
+            assert_eq!(set.left_out, listed.len() - got.len());
+            assert!((set.power_share - 35.8 / 40.8).abs() < 1e-6, "{}", set.power_share);
+        }
+        Some("twopercent") => {
+            let mut values = vec![1.0f32; entry.count("N_equal_sources")];
+            let threshold = budget_threshold(&mut values, entry.number::<f64>("threshold"));
+            let dropped = values.iter().filter(|v| **v < threshold).count() as f64 / values.len() as f64;
+            let most = numbers(&entry.expected["budgeted_dropped_max"])[0];
+            assert!(dropped <= most, "{}: {dropped}", entry.id);
+            // The rule as printed drops each share below the threshold, which is all of them or none.
+            let naive = (1.0 / values.len() as f64) < entry.number::<f64>("threshold");
+            let naive_dropped = numbers(&entry.expected["naive_dropped_energy"])[0];
+            assert_eq!(f64::from(u8::from(naive)), naive_dropped, "{}", entry.id);
+        }
+        _ => panic!("{}: no test for it", entry.id),
+    }
+}
+
 #[test]
 fn golden_near() {
     let Some(shared) = support::shared("golden_near") else { return };
-    golden::run(&shared, &[("ff", ff::<f64>, ff::<f32>)], &[]);
+    golden::run(
+        &shared,
+        &[("ff", ff::<f64>, ff::<f32>), ("transfer", transfer::<f64>, transfer::<f32>)],
+        &[],
+    );
+    golden::run_f32(&shared, &[("shaft", shaft), ("rule", rule)]);
 }

@@ -131,7 +131,7 @@ fn shading_kernel(entry: &Entry) {
         to_eye: axis,
         tint_openness: [1.0; 4],
         soft: [0.0; 4],
-        gloss: [0.0, 0.0, 0.0, 1.0],
+        gloss: [1.0; 3],
     };
     let lambert = entry.id == "shade.0";
     let material = if lambert {

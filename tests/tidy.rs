@@ -34,9 +34,10 @@ const LAYERS: [(&str, u8); 19] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 5] = [
+const DRAWN: [(&str, &str); 6] = [
     ("compose", "visibility"),
     ("light", "sources"),
+    ("nearfield", "sources"),
     ("cli", "daemon"),
     ("cli", "config"),
     ("daemon", "config"),

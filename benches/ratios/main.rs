@@ -5,16 +5,18 @@ mod frame;
 mod growth;
 mod merge_bracket;
 mod naive;
+mod nearfield;
 mod opencv;
 mod project_sh;
 
 fn main() {
-    let all: [(&str, fn()); 6] = [
+    let all: [(&str, fn()); 7] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
         ("growth", growth::run),
         ("naive", naive::run),
+        ("nearfield", nearfield::run),
         ("frame", frame::run),
     ];
     // Cargo itself adds `--bench`.

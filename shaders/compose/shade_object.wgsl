@@ -44,9 +44,9 @@ struct Seen {
     // Soft light on what is matt by precomputed transfer, and 1; or what is taken of it, and 0.
     @location(6) soft: vec4<f32>,
     @location(7) @interpolate(perspective, centroid) inside_soft: vec4<f32>,
-    // What is taken of the light of the glossy lobe, and the share of it that is left otherwise.
-    @location(8) gloss: vec4<f32>,
-    @location(9) @interpolate(perspective, centroid) inside_gloss: vec4<f32>,
+    // The share of the light of the glossy lobe that is left.
+    @location(8) gloss: vec3<f32>,
+    @location(9) @interpolate(perspective, centroid) inside_gloss: vec3<f32>,
 }
 
 @vertex
@@ -55,7 +55,7 @@ fn vertex(
     @location(1) normal: vec3<f32>,
     @location(2) tint_openness: vec4<f32>,
     @location(3) soft: vec4<f32>,
-    @location(4) gloss: vec4<f32>,
+    @location(4) gloss: vec3<f32>,
 ) -> Seen {
     var seen: Seen;
     seen.clip = clip_position(view, position, 1.0);
@@ -109,7 +109,7 @@ fn shade(
     point_world: vec3<f32>,
     tint_openness: vec4<f32>,
     transferred: vec4<f32>,
-    gloss_left: vec4<f32>,
+    gloss_left: vec3<f32>,
 ) -> vec3<f32> {
     let specular = material.specular_exponent.xyz;
     let exponent = material.specular_exponent.w;
@@ -155,7 +155,7 @@ fn shade(
         }
         // The terms have the energy-safe norm in both halves.
         let scale = select(1.0, (exponent + 2.0) / (exponent + 1.0), surroundings.settings.y == 1.0);
-        out += specular * scale * (shine + gloss_left.w * glossy - gloss_left.xyz);
+        out += specular * scale * (shine + gloss_left * glossy);
     }
     return out;
 }

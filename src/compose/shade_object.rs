@@ -133,9 +133,8 @@ pub struct ObjectPoint {
     /// Soft light on what is matt (`Transferred::soft`), interpolated: what a white surface radiates, its own shadow
     /// counted, and 1; or what is taken of openness times what it would radiate, and 0.
     pub soft: [f32; 4],
-    /// Soft light on what is glossy (`Transferred::gloss`), interpolated: what is taken of the lobe's light (r, g, b) after
-    /// it was scaled by a share (a).
-    pub gloss: [f32; 4],
+    /// Share of the soft light of the glossy lobe that is left (`Transferred::gloss`), each channel, interpolated.
+    pub gloss: [f32; 3],
 }
 
 /// Sum of rows * y(direction), bands weighted by `bands`.
@@ -183,8 +182,7 @@ pub fn soft_over_pi(light: &LightTerms, normal: Vec3) -> [f32; 3] {
 /// * Lambert and the matt part of Phong: albedo (sum of E_k max(0, n.w_k) / pi V_k + soft), soft being the point's
 ///   transfer or else openness irradiance(n) / pi, less what other bodies take.
 /// * Glossy lobe around r, the view reflected at n: specular (sum of E_k (s+1)/(2 pi) max(0, r.w_k)^s V_k where
-///   n.w_k > 0, and the sum of lobe_l L_g,lm y_lm(r) less what is taken of it (Eq. 19 of [Now11], or the share that the
-///   openness leaves)); with the paper's norm s+2 in place of s+1 in both. A lobe that SH of the light's order is too
+///   n.w_k > 0, and the sum of lobe_l L_g,lm y_lm(r) times what is left of it (by Eq. 19 of [Now11], or the openness)); with the paper's norm s+2 in place of s+1 in both. A lobe that SH of the light's order is too
 ///   smooth for is read from the prefiltered picture of what the hard lights leave, times V~, where there is one.
 /// * Mirror: reflectance times what is seen along r (`Reflected`); the light is in it, nothing is added. Without a
 ///   picture the sum of L_lm y_lm(r), a smooth stand-in.
@@ -259,8 +257,7 @@ pub fn shade(
             PhongNorm::Paper => (material.exponent + 2.0) / (material.exponent + 1.0),
         };
         for c in 0..3 {
-            out[c] +=
-                material.specular_rgb[c] * scale * (shine[c] + point.gloss[3] * glossy[c] - point.gloss[c]);
+            out[c] += material.specular_rgb[c] * scale * (shine[c] + point.gloss[c] * glossy[c]);
         }
     }
     out.map(|c| c.max(0.0))

@@ -5,8 +5,9 @@
 //! L_out = sum of (L_g)_i (M^V f)_i, f the lobe turned to the mirror direction. Gamma is symmetric, so this is (M^{L_g} f) . V
 //! and f . (M^{L_g} V), exactly for the truncated series (a test holds it): a vertex keeps the order^2 numbers of V, not the
 //! order^4 of M^V. The lighting product matrix is built once for each light, and with it the products M^{L_g} (1 - V), so
-//! that turning the camera costs order^2 multiplications a vertex and channel. What is handed on is what is *taken* of the
-//! lobe's light: pixels keep their own highlights, and a vertex that nothing blocks changes none of them.
+//! that turning the camera costs order^2 multiplications a vertex and channel. What is handed on is the *share* of the lobe's
+//! light that is left, within 0 to 1: pixels keep their own highlights, which change faster than a mesh's vertices follow,
+//! and a vertex that nothing blocks changes none of them.
 //!
 //! A lobe that SH is too smooth for is read from the picture of the environment instead, times V~ = clamp(sum of
 //! V_i y_i(r), 0, 1), and times what each sphere of another body leaves of the lobe.
@@ -34,6 +35,9 @@ use std::sync::Arc;
 
 /// Vertices that one task takes.
 const CHUNK: usize = 64;
+
+/// A lobe's light below this share of L_0 counts as none.
+const DARK: f32 = 1e-3;
 
 type Row = [f32; MAX_COEFFICIENTS];
 
@@ -79,7 +83,7 @@ pub struct Transferred {
     /// Bodies that move.
     movers: Vec<u32>,
     soft: Vec<[f32; 4]>,
-    gloss: Vec<[f32; 4]>,
+    gloss: Vec<[f32; 3]>,
     matrix: Transfer,
     /// M^{L_g} (1 - V) of the vertices with visibility, order^2 numbers each.
     products: Vec<[f32; 3]>,
@@ -131,7 +135,7 @@ impl Transferred {
         self.soft.clear();
         self.soft.resize(first, [0.0; 4]);
         self.gloss.clear();
-        self.gloss.resize(first, [0.0, 0.0, 0.0, 1.0]);
+        self.gloss.resize(first, [1.0; 3]);
         self.last = None;
     }
 
@@ -191,9 +195,8 @@ impl Transferred {
         &self.soft
     }
 
-    /// For each vertex what is taken of the light of its glossy lobe as seen from the camera (r, g, b), and the share of the
-    /// lobe that is left otherwise.
-    pub fn gloss(&self) -> &[[f32; 4]] {
+    /// For each vertex the share, 0 to 1, that is left of the light of its glossy lobe as seen from the camera, each channel.
+    pub fn gloss(&self) -> &[[f32; 3]] {
         &self.gloss
     }
 
@@ -295,7 +298,7 @@ impl<'a> Object<'a> {
     }
 
     /// The vertices from number `first` of the object on.
-    fn chunk(&self, first: usize, soft: &mut [[f32; 4]], gloss: &mut [[f32; 4]]) {
+    fn chunk(&self, first: usize, soft: &mut [[f32; 4]], gloss: &mut [[f32; 3]]) {
         let Some(blockers) = self.blockers else {
             for (k, (soft, gloss)) in soft.iter_mut().zip(gloss).enumerate() {
                 (*soft, *gloss) = self.vertex(first + k, None);
@@ -311,7 +314,7 @@ impl<'a> Object<'a> {
     }
 
     /// Both results; `seen`: V of the spheres of others, where they block anything.
-    fn vertex(&self, k: usize, seen: Option<&Row>) -> ([f32; 4], [f32; 4]) {
+    fn vertex(&self, k: usize, seen: Option<&Row>) -> ([f32; 4], [f32; 3]) {
         let order = self.matrix.order();
         let normal = self.geometry.normals[self.vertices.start + k];
         let openness = self.geometry.tint_openness[self.vertices.start + k][3];
@@ -333,37 +336,44 @@ impl<'a> Object<'a> {
             None => [taken[0], taken[1], taken[2], 0.0],
         };
         if !self.is_glossy {
-            return (soft, [0.0, 0.0, 0.0, openness]);
+            return (soft, [openness; 3]);
         }
         let share = if self.blocked.is_some() { 1.0 } else { openness };
         let blocked = self.blocked.map(row).filter(|b| b[0] != 0.0);
         if blocked.is_none() && seen.is_none() {
-            return (soft, [0.0, 0.0, 0.0, share]);
+            return (soft, [share; 3]);
         }
         let to_eye = (self.eye_world - self.geometry.positions[self.vertices.start + k]).normalize_or_zero();
         let along = 2.0 * normal.dot(to_eye) * normal - to_eye;
         if self.is_sharp {
-            return (
-                soft,
-                [0.0, 0.0, 0.0, share * self.share_along(k, along, normal, blocked.as_ref(), seen)],
-            );
+            return (soft, [share * self.share_along(k, along, normal, blocked.as_ref(), seen); 3]);
         }
         let mut lobe = [0.0; MAX_COEFFICIENTS];
         basis::evaluate(order, along.to_array(), &mut lobe);
         for (i, f) in lobe.iter_mut().enumerate().take(order * order) {
             *f *= self.material.lobe[i.isqrt()];
         }
-        let [r, g, b] = match (blocked, seen) {
-            (Some(blocked), Some(v)) => {
-                gathered(&self.matrix.of_lobe(&lobe), &both(order, &blocked, v), order)
-            }
-            (None, Some(v)) => gathered(&self.matrix.of_lobe(&lobe), &without(v), order),
-            _ => {
-                let count = order * order;
-                gathered(&self.products[k * count..(k + 1) * count], &lobe, order)
-            }
+        let hidden = match (&blocked, seen) {
+            (Some(blocked), Some(v)) => Some(both(order, blocked, v)),
+            (None, Some(v)) => Some(without(v)),
+            _ => None,
         };
-        (soft, [share * r, share * g, share * b, share])
+        let taken = match &hidden {
+            Some(hidden) => gathered(&self.matrix.of_lobe(&lobe), hidden, order),
+            None => gathered(&self.products[k * order * order..(k + 1) * order * order], &lobe, order),
+        };
+        let open = gathered(&self.light.global_rgb, &lobe, order);
+        // Where hardly any light comes from, what is left of it is a matter of directions alone.
+        let of_directions = || {
+            let hidden = hidden.as_ref().or(blocked.as_ref());
+            1.0 - hidden.map_or(0.0, |h| h.iter().zip(&lobe).map(|(h, f)| h * f).sum::<f32>())
+        };
+        let left = std::array::from_fn(|c| {
+            let is_lit = open[c] > DARK * self.light.global_rgb[0][c].abs();
+            let left = if is_lit { (open[c] - taken[c]) / open[c] } else { of_directions() };
+            share * left.clamp(0.0, 1.0)
+        });
+        (soft, left)
     }
 
     /// V~ of a sharp lobe about a unit direction.

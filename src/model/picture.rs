@@ -27,7 +27,7 @@ pub enum PictureView {
     Global,
     /// What virtual objects leave of the light on real surfaces, on white; the objects themselves are left out.
     Cast,
-    /// Objects in white under an even sky: what they hide from themselves.
+    /// Objects in white under an even sky: what they hide from themselves and from each other.
     SelfShadow,
     /// The picture with every object matt.
     Lambert,

@@ -3,5 +3,18 @@
 //! `sources` cuts the marked sources into representatives.
 
 pub mod error;
+pub mod field;
 pub mod form_factor;
+pub mod intensity;
+pub mod marks;
+pub mod octree;
 pub mod patches;
+pub mod representatives;
+pub mod sets;
+pub mod shadow_edges;
+pub mod shaft;
+pub mod shafts;
+pub mod transfer;
+
+#[cfg(test)]
+mod fixture;

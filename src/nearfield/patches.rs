@@ -1,11 +1,12 @@
 //! Divides a room into patches (Section 3 of [Gib03]): of about one size, and finer where the light is.
 
-use super::error::RoomError;
+use super::{error::RoomError, shadow_edges::ShadowEdges, transfer::Statics};
 use crate::{
     math::color,
     model::room::{Face, Patch, PatchVertex, Room, RoomPatches},
 };
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::{
     cmp::Ordering,
     collections::{BinaryHeap, HashMap},
@@ -21,6 +22,8 @@ const INSET: f64 = 0.02;
 const LIFT: f64 = 1e-4;
 /// Corners nearer than this share of the room's diagonal are one.
 const SAME_CORNER: f64 = 1e-6;
+/// Patches are not made smaller for a shadow's edge than this share of the first patches' size.
+const FINEST_EDGE: f64 = 0.06;
 /// How much more a difference of radiance within a patch counts than its radiance: light in the wrong place is worse
 /// than light of the right place drawn as one point.
 const CONTRAST: f64 = 2.0;
@@ -30,14 +33,16 @@ const CONTRAST: f64 = 2.0;
 pub struct Subdivision {
     /// Patches aimed at, 1 to 20,000. Never fewer than the room has faces.
     pub patches: usize,
-    /// Share of them, 0 to 0.95, that is spent on making patches finer where they shine most or unevenly.
+    /// Share of them that is spent on making patches finer where they shine most or unevenly. With `edges` 0 to 0.95.
     pub refined: f32,
+    /// Share of them that is spent on the edges of the room's own shadows.
+    pub edges: f32,
 }
 
 impl Default for Subdivision {
-    /// 1500 patches, as in [Gib03] ("between 1000 and 2000"), half of them where the light is.
+    /// 1500 patches, as in [Gib03] ("between 1000 and 2000"), many of them where the light is and where shadows end.
     fn default() -> Self {
-        Self { patches: 1500, refined: 0.5 }
+        Self { patches: 1500, refined: 0.35, edges: 0.3 }
     }
 }
 
@@ -89,6 +94,7 @@ impl Ord for Piece {
 ///
 /// Faces are first cut into equal parts whose size is the same all over; then the part of largest error, the square of
 /// its power times its size, is halved until there are enough, with the difference of radiance within it counted twice.
+/// Then those of the receivers are halved between whose corners the room's own shadows end.
 /// Patches keep their face's front; vertices are shared within the plane of a surface.
 ///
 /// # Errors
@@ -102,9 +108,11 @@ pub fn subdivide(
         let (value, allowed) = (how.patches.to_string(), "within 1 to 20000");
         return Err(RoomError::Setting { setting: "patches", value, allowed });
     }
-    if !(0.0..=0.95).contains(&how.refined) {
-        let (value, allowed) = (how.refined.to_string(), "within 0 to 0.95");
-        return Err(RoomError::Setting { setting: "refined", value, allowed });
+    for (setting, share) in [("refined", how.refined), ("edges", how.edges)] {
+        if !(share >= 0.0 && how.refined + how.edges <= 0.95) {
+            let (value, allowed) = (share.to_string(), "within 0 to 0.95, with the other share");
+            return Err(RoomError::Setting { setting, value, allowed });
+        }
     }
     let (faces, dropped_faces, diagonal) = usable_faces(room);
     if faces.is_empty() {
@@ -112,7 +120,7 @@ pub fn subdivide(
     }
     let sample = |piece: Piece, order: u32| examine(piece, order, room, radiance);
     let total: f64 = faces.iter().map(area).sum();
-    let first = how.patches as f64 * (1.0 - f64::from(how.refined));
+    let first = how.patches as f64 * (1.0 - f64::from(how.refined) - f64::from(how.edges));
     let size = (total / first.max(1.0)).sqrt();
     let mut pieces = Vec::new();
     for face in &faces {
@@ -124,18 +132,57 @@ pub fn subdivide(
         order
     };
     let mut queue: BinaryHeap<Piece> = pieces.into_iter().map(|p| sample(p, next())).collect();
-    while queue.len() < how.patches {
+    let for_edges = (how.patches as f64 * f64::from(how.edges)) as usize;
+    halve_worst(&mut queue, how.patches - for_edges, |half| sample(half, next()));
+    if for_edges > 0 {
+        let mut lit = queue.into_vec();
+        lit.sort_unstable_by_key(|p| (p.surface, p.order));
+        let edges = edges_of(room, &lit, diagonal);
+        let judged = |piece: Piece| Piece { error: edge_error(&edges, room, &piece, size), ..piece };
+        queue = lit.into_par_iter().map(judged).collect::<Vec<_>>().into();
+        halve_worst(&mut queue, how.patches, |half| judged(sample(half, next())));
+    }
+    let mut pieces = queue.into_vec();
+    pieces.sort_unstable_by_key(|p| (p.surface, p.order));
+    Ok(assemble(room, &pieces, diagonal, dropped_faces))
+}
+
+/// Halves the piece of largest error until there are `count`, or no error is left.
+fn halve_worst(queue: &mut BinaryHeap<Piece>, count: usize, mut examined: impl FnMut(Piece) -> Piece) {
+    while queue.len() < count {
         if queue.peek().is_none_or(|worst| !(worst.error > 0.0)) {
             break;
         }
         let Some(worst) = queue.pop() else { break };
         for half in halves(&worst) {
-            queue.push(sample(half, next()));
+            queue.push(examined(half));
         }
     }
-    let mut pieces = queue.into_vec();
-    pieces.sort_unstable_by_key(|p| (p.surface, p.order));
-    Ok(assemble(room, &pieces, diagonal, dropped_faces))
+}
+
+/// The judge of shadow edges, from what shines.
+fn edges_of(room: &Room, pieces: &[Piece], diagonal: f64) -> ShadowEdges {
+    let power = |p: &Piece| area(p) * f64::from(color::luminance(p.radiance));
+    let shining: Vec<_> =
+        pieces.iter().map(|p| (centroid(p), p.normal, power(p))).filter(|s| s.2 > 0.0).collect();
+    let mut edges = ShadowEdges::new(Statics::new(room), &shining, LIFT * diagonal);
+    let receivers: Vec<_> =
+        pieces.iter().filter(|p| reflects(room, p)).map(|p| (centroid(p), p.normal)).collect();
+    edges.set_mean(&receivers);
+    edges
+}
+
+fn reflects(room: &Room, piece: &Piece) -> bool {
+    room.surfaces[piece.surface as usize].reflectance_rgb.iter().any(|c| *c > 0.0)
+}
+
+/// 0 where nothing is reflected, and where the piece is small enough for any edge.
+fn edge_error(edges: &ShadowEdges, room: &Room, piece: &Piece, size: f64) -> f64 {
+    let area = area(piece);
+    if !reflects(room, piece) || area < (FINEST_EDGE * size).powi(2) {
+        return 0.0;
+    }
+    edges.error(&piece.corners[..piece.count], centroid(piece), piece.normal, area)
 }
 
 /// Faces with an area, as pieces; how many were left out; the room's diagonal.

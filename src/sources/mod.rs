@@ -2,3 +2,5 @@
 //! directions (texels of compact lights), near leaves points (patches of a known room).
 
 pub mod cut;
+pub mod expand;
+pub mod tree;

@@ -5,6 +5,7 @@
 //! case are relative to the folder above the case's own.
 
 mod file;
+mod room;
 
 use super::{error::AssetError, obj, shapes};
 use crate::{

@@ -34,7 +34,7 @@ pub fn object_point(
     let weights = fragment.barycentric;
     let mut normal = Vec3::ZERO;
     let mut tint_openness = [0.0f32; 4];
-    let (mut soft, mut gloss) = ([0.0f32; 4], [0.0f32; 4]);
+    let (mut soft, mut gloss) = ([0.0f32; 4], [0.0f32; 3]);
     for (&i, w) in corners.iter().zip(weights) {
         normal += w * objects.normals[i];
         for (slot, c) in tint_openness.iter_mut().zip(objects.tint_openness[i]) {

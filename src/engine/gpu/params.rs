@@ -306,7 +306,7 @@ pub struct ObjectVertex {
     /// Soft light on what is matt, as in `Transferred::soft`.
     pub soft: [f32; 4],
     /// Soft light on what is glossy, as in `Transferred::gloss`.
-    pub gloss: [f32; 4],
+    pub gloss: [f32; 3],
 }
 
 /// A vertex of a real surface.

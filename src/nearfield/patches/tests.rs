@@ -49,7 +49,7 @@ fn check(patches: &RoomPatches) -> f64 {
 #[test]
 fn a_room_is_divided_into_about_as_many_as_asked_for() {
     for wanted in [1, 6, 100, 1500, 4000] {
-        let how = Subdivision { patches: wanted, refined: 0.0 };
+        let how = Subdivision { patches: wanted, refined: 0.0, edges: 0.0 };
         let patches = subdivide(&room(), &how, &dark).unwrap();
         let number = patches.patches.len();
         assert!(
@@ -79,7 +79,8 @@ fn finer_where_the_light_is() {
         let spot = p.z > 1.7 && p.x.hypot(p.y) < 0.4;
         Some(if spot { [10.0, 9.0, 8.0] } else { [0.01 + 0.01 * p.z.abs(); 3] })
     };
-    let patches = subdivide(&room(), &Subdivision::default(), &radiance).unwrap();
+    let how = Subdivision { patches: 1500, refined: 0.5, edges: 0.0 };
+    let patches = subdivide(&room(), &how, &radiance).unwrap();
     assert_eq!(patches.patches.len(), 1500);
     assert!((check(&patches) - 59.0).abs() < 1e-3);
     assert!(patches.patches.iter().all(|p| p.seen));
@@ -109,7 +110,7 @@ fn hopeless_faces_are_dropped_and_counted() {
         // A quadrilateral of which one half is empty is a triangle.
         Face::Quad([0, 1, 3, 3]),
     ]);
-    let how = Subdivision { patches: 50, refined: 0.0 };
+    let how = Subdivision { patches: 50, refined: 0.0, edges: 0.0 };
     let patches = subdivide(&bad, &how, &dark).unwrap();
     assert_eq!(patches.dropped_faces, 5);
     assert!((check(&patches) - 65.0).abs() < 1e-3);
@@ -118,7 +119,8 @@ fn hopeless_faces_are_dropped_and_counted() {
         assert_eq!(error, RoomError::NoFaces { surfaces: room.surfaces.len(), dropped: 0 });
     }
     for (patches, refined) in [(0, 0.5), (20_001, 0.5), (10, -0.1), (10, 0.96), (10, f32::NAN)] {
-        let error = subdivide(&room(), &Subdivision { patches, refined }, &dark).unwrap_err().to_string();
+        let error =
+            subdivide(&room(), &Subdivision { patches, refined, edges: 0.0 }, &dark).unwrap_err().to_string();
         assert!(error.starts_with("room.") && error.contains("within"), "{error}");
     }
 }
@@ -132,7 +134,7 @@ fn bent_and_folded_quadrilaterals_count_as_two_triangles() {
             faces: vec![Face::Quad([0, 1, 2, 3])],
             ..RoomSurface::default()
         };
-        let how = Subdivision { patches: 40, refined: 0.0 };
+        let how = Subdivision { patches: 40, refined: 0.0, edges: 0.0 };
         let patches = subdivide(&Room { surfaces: vec![surface] }, &how, &dark).unwrap();
         assert!(patches.patches.iter().all(|p| p.corners().len() == 3));
         check(&patches);
@@ -143,7 +145,7 @@ fn bent_and_folded_quadrilaterals_count_as_two_triangles() {
 fn radiance_that_is_none_nan_or_infinite() {
     let mut room = room();
     room.surfaces[0].emitted_rgb = [1.0, 2.0, f32::NAN];
-    let how = Subdivision { patches: 60, refined: 0.3 };
+    let how = Subdivision { patches: 60, refined: 0.3, edges: 0.0 };
     let unseen = subdivide(&room, &how, &dark).unwrap();
     assert!(unseen.patches.iter().all(|p| p.radiance_rgb == [1.0, 2.0, 0.0]));
     let wild = |at: &SurfacePoint| {

@@ -126,7 +126,7 @@ fn pipelines(context: &GpuContext, built: &Built, samples: u32) -> Result<Pipeli
         fragment: "fragment",
         stride: size_of::<ObjectVertex>() as u64,
         attributes: &wgpu::vertex_attr_array![
-            0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32x4, 4 => Float32x4
+            0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32x4, 4 => Float32x3
         ],
         color: OBJECT_LAYER_FORMAT,
         write: wgpu::ColorWrites::ALL,
