@@ -64,7 +64,8 @@ fn transfer() -> [[f32; 3]; 36] {
     std::array::from_fn(|i| [0.6_f32.powi(i.isqrt() as i32); 3])
 }
 
-fn product_ns<const N: usize>() -> (f64, f64) {
+/// Nanoseconds of a product: plain, and a lane's share in batches of [`LANES`] and of 16.
+fn product_ns<const N: usize>() -> [f64; 3] {
     const ROUNDS: usize = 20_000;
     let mut numbers = Numbers(3);
     let mut f: [f32; 36] = std::array::from_fn(|_| numbers.next() - 0.5);
@@ -76,16 +77,21 @@ fn product_ns<const N: usize>() -> (f64, f64) {
             f[1] = black_box(out[2]);
         }
     });
-    let mut f: LaneSh<f32, LANES> = f.map(Lane::splat);
-    let g: LaneSh<f32, LANES> = g.map(Lane::splat);
+    [plain * 4e9 / ROUNDS as f64, batch_ns::<N, LANES>(&f, &g), batch_ns::<N, 16>(&f, &g)]
+}
+
+fn batch_ns<const N: usize, const L: usize>(f: &[f32; 36], g: &[f32; 36]) -> f64 {
+    const ROUNDS: usize = 20_000;
+    let mut f: LaneSh<f32, L> = f.map(Lane::splat);
+    let g: LaneSh<f32, L> = g.map(Lane::splat);
     let mut out = lanes::nothing();
     let batched = least_s(9, || {
         for _ in 0..ROUNDS {
-            lanes::product::<f32, N, LANES>(black_box(&f), black_box(&g), &mut out);
+            lanes::product::<f32, N, L>(black_box(&f), black_box(&g), &mut out);
             f[1] = black_box(out[2]);
         }
     });
-    (plain * 4e9 / ROUNDS as f64, batched * 1e9 / (ROUNDS * LANES) as f64)
+    batched * 1e9 / (ROUNDS * L) as f64
 }
 
 /// One receiver as one would write it down: logarithms from the definition's table, turned by `zonal::rotate`, summed,
@@ -115,12 +121,14 @@ fn scalar(spheres: &[BlockerSphere], point: Vec3, order: usize) -> [f32; 36] {
 }
 
 fn kernels() {
-    for (order, (plain, batched)) in
+    for (order, [plain, eight, sixteen]) in
         [(3, product_ns::<3>()), (4, product_ns::<4>()), (5, product_ns::<5>()), (6, product_ns::<6>())]
     {
         println!(
-            "blockers, product, order {order}: {batched:.1} ns in batches of {LANES}, {plain:.0} ns plain, ratio {:.1}",
-            plain / batched
+            "blockers, product, order {order}: {eight:.1} ns in batches of {LANES}, {sixteen:.1} ns of 16, {plain:.0} ns \
+             plain, ratios {:.1} and {:.1}",
+            plain / eight,
+            plain / sixteen
         );
     }
     let spheres = figure(64);

@@ -13,7 +13,7 @@ use crate::compose::{
     carried::{Coarse, RUN, SeenPlane},
     composite,
     geometry::{MIRROR_EXPONENT, ObjectGeometry, SurfaceGeometry},
-    raster::{self, Fragment, Projected, Rays, Row, Samples, View},
+    raster::{self, Fragment, Points, Projected, Rays, Row, Samples, View},
     reflected::Reflected,
     shade_object::{self, LightTerms, Surroundings},
     shade_surface::{self, SurfaceFrame},
@@ -23,6 +23,7 @@ use crate::compose::{
     transferred::{Transferred, VertexFrame},
 };
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
+use crate::math::widest::widest;
 use crate::model::{
     image::{HdrImage, Image, RadianceImage},
     light::RadianceSamples,
@@ -39,6 +40,14 @@ use rayon::prelude::*;
 
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
+
+/// What some neighbours see of one triangle.
+fn points_of(row: &Row<'_>, k: usize, count: usize) -> Option<Points<RUN>> {
+    widest(
+        #[inline(always)]
+        || row.points::<RUN>(k, count),
+    )
+}
 
 /// From so many neighbours of one triangle on they are shaded together.
 const LEAST_RUN: usize = 4;
@@ -376,7 +385,7 @@ impl Work {
         // Neighbours on a flat triangle together; false where they need a look one by one.
         let shade_flat = |row: &Row<'_>, k: usize, out: &mut [[f32; 3]]| {
             let Some(flat) = row.triangle(k).and_then(|t| planes.flat(t, true)) else { return false };
-            let Some(points) = row.points::<RUN>(k, out.len()) else { return false };
+            let Some(points) = points_of(row, k, out.len()) else { return false };
             let facet = surfaces.facet_normals[row.triangle(k).unwrap_or(0)];
             if !points.see_front(facet) {
                 return false;

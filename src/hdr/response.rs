@@ -13,6 +13,8 @@ pub const LEAST_EXPOSURE_RATIO: f64 = 2.0;
 const USABLE: std::ops::RangeInclusive<u8> = 3..=252;
 /// Fewest samples in a channel.
 const FEWEST_SAMPLES: usize = 24;
+/// Pixels of a channel for which lambda is stated: as many as [DM97] takes.
+const USUAL_SAMPLES: f64 = 50.0;
 /// Fewest distinct values among a channel's samples.
 const FEWEST_VALUES: usize = 32;
 /// Values by which the fit is judged: the toe of film and stray light spoil the darkest ones in honest brackets.
@@ -24,7 +26,9 @@ const WORST_RESIDUAL: f64 = 0.4;
 /// How to solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions {
-    /// Weight of smoothness, above 0. 20 survives 3 DN of noise; 1 fits closer and bends from 1 DN.
+    /// Weight of smoothness against 50 pixels, above 0 (with more pixels it grows, so that the balance stays). From 20 on
+    /// 3 DN of noise are survived; 1 fits closer and bends from 1 DN. Three exposures far apart leave waves in g free
+    /// that only smoothness rules out: the reference's balls are read alike with 20 to 40; from 30 on the ends of the scale flatten.
     pub lambda: f64,
     /// The free scale of each channel: g(128), the ln of the exposure (radiance x seconds) that gives 128.
     pub log_exposure_at_128: [f64; 3],
@@ -34,7 +38,7 @@ pub struct SolveOptions {
 
 impl Default for SolveOptions {
     fn default() -> Self {
-        Self { lambda: 20.0, log_exposure_at_128: [0.0; 3], most_equations: 2400 }
+        Self { lambda: 25.0, log_exposure_at_128: [0.0; 3], most_equations: 2400 }
     }
 }
 
@@ -63,8 +67,8 @@ pub struct RecoveredResponse {
 }
 
 /// Recovers g for each channel by the least squares of Eq. 3 of [DM97]: sum over samples of
-/// (w(z) (g(z) - ln E - ln t))^2 + lambda^2 sum over z of (w(z) g''(z))^2, hat weights, g(128) as the options say, and
-/// then made non-decreasing (pool adjacent violators).
+/// (w(z) (g(z) - ln E - ln t))^2 + lambda^2 (samples / 50) sum over z of (w(z) g''(z))^2, hat weights, g(128) as the
+/// options say, and then made non-decreasing (pool adjacent violators).
 ///
 /// `pictures` show one view, 1:1 with `exposures`. Samples are spread over brightness and over the picture by a
 /// fixed rule. Where the exposures span less than [`LEAST_EXPOSURE_RATIO`], too few pixels are usable, the rank is
@@ -227,8 +231,10 @@ fn solve_channel(
             right.push(w * (t.ln() - mean_log_t));
         }
     }
+    // The more pixels, the more their equations weigh against smoothness: lambda is meant for a usual number of them.
+    let balance = (samples.len() as f64 / USUAL_SAMPLES).max(1.0).sqrt();
     for z in 1..255usize {
-        let factor = lambda * f64::from(weight(z as u8));
+        let factor = lambda * balance * f64::from(weight(z as u8));
         let start = matrix.len();
         matrix.resize(start + 255, 0.0);
         for (z, factor) in [(z - 1, factor), (z, -2.0 * factor), (z + 1, factor)] {

@@ -33,6 +33,9 @@ const RELATIVE_NOISE: f64 = 0.02;
 const SIGNIFICANCE: f64 = 10.0;
 /// The same where a picture without the ball has taken the surface's own markings out.
 const SIGNIFICANCE_BARE: f64 = 5.0;
+/// Least share of the unshadowed surface's radiance that a saturated light's missing part must be: a fainter shadow
+/// cannot be told from what the ball hides of the rest, which is known to a percent or so.
+const LEAST_SHARE: f64 = 0.01;
 /// Largest ratio of a lamp's channels, also where the channels' scales are not those of white light.
 const MOST_COLOURFUL: f64 = 10.0;
 /// Most rounds of reweighting; about six until the solution stands still to 1e-5.
@@ -92,6 +95,8 @@ pub struct SurfaceFit {
     points: Vec<Point>,
     /// Whether the surface's own look was divided out of the points.
     bare: bool,
+    /// Irradiance on the unshadowed surface, without what saturated lights lack.
+    total: [f64; 3],
     bins: Vec<Bin>,
     known: Vec<(Vec3, f32, Vec3)>,
     /// For each point and channel: irradiance of all samples as they are, the ball in the way.
@@ -186,6 +191,7 @@ impl SurfaceFit {
             .known
             .iter()
             .fold([0.0; 3], |sum: [f64; 3], (_, _, e)| std::array::from_fn(|c| sum[c] + f64::from(e[c])));
+        self.total = total;
         let widest = self.known.iter().fold(1e-3, |widest: f32, (_, radius, _)| widest.max(*radius));
         let (points, known) = (&self.points, &self.known);
         points
@@ -287,8 +293,13 @@ impl SurfaceFit {
                 .filter(|k| active[*k])
                 .map(|k| (k, solution.missing[k] / deviation[k].max(f64::MIN_POSITIVE)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
+            let unshadowed = solution.reflection * self.total[channel] + solution.missing.iter().sum::<f64>();
             match faintest {
-                Some((k, significance)) if significance < significant => active[k] = false,
+                Some((k, significance))
+                    if significance < significant || solution.missing[k] < LEAST_SHARE * unshadowed =>
+                {
+                    active[k] = false;
+                }
                 _ => return Some(solution),
             }
         }

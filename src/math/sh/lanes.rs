@@ -4,6 +4,8 @@
 //! for bit, what eight batches of one give. Only plain additions and multiplications: no fused ones.
 
 use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis, rings};
+use crate::math::widest::Wide;
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// One number of each of L receivers.
@@ -158,30 +160,36 @@ pub fn add_zonal<T: Real, const N: usize, const L: usize>(
 }
 
 /// The truncated product of functions, lane by lane (Eq. 4 of [Now11]); N is the order. As `product::product`
-/// up to rounding.
-#[inline]
+/// up to rounding; the same bits whatever the number of lanes. f32 goes by the widest registers of the processor.
 pub fn product<T: Real, const N: usize, const L: usize>(
     f: &LaneSh<T, L>,
     g: &LaneSh<T, L>,
     out: &mut LaneSh<T, L>,
 ) {
+    T::product::<N, L>(f, g, out);
+}
+
+/// [`product`] by [`PRODUCT_LANES`] lanes, as every processor can.
+#[inline]
+pub(super) fn plain_product<T: Real, const N: usize, const L: usize>(
+    f: &LaneSh<T, L>,
+    g: &LaneSh<T, L>,
+    out: &mut LaneSh<T, L>,
+) {
     if L <= PRODUCT_LANES || !L.is_multiple_of(PRODUCT_LANES) {
-        return rings::product::<T, N, L>(f, g, out);
+        return rings::product::<T, _, N>(Lane::zero(), f, g, out);
     }
     for first in (0..L).step_by(PRODUCT_LANES) {
         let mut part = nothing::<T, PRODUCT_LANES>();
-        rings::product::<T, N, PRODUCT_LANES>(
-            &some::<T, N, L>(f, first),
-            &some::<T, N, L>(g, first),
-            &mut part,
-        );
+        let (f, g) = (some::<T, N, L>(f, first), some::<T, N, L>(g, first));
+        rings::product::<T, _, N>(Lane::zero(), &f, &g, &mut part);
         for (out, part) in out.iter_mut().zip(&part).take(N * N) {
             out.0[first..first + PRODUCT_LANES].copy_from_slice(&part.0);
         }
     }
 }
 
-/// Lanes that a product takes at once: of f32 one register of every processor in use. With eight there are too few
+/// Lanes that a plain product takes at once: of f32 one register of every processor in use. With eight there are too few
 /// registers for the rings: three times slower.
 const PRODUCT_LANES: usize = 4;
 
@@ -195,9 +203,45 @@ fn some<T: Real, const N: usize, const L: usize>(f: &LaneSh<T, L>, first: usize)
     part
 }
 
+/// [`product`] of f32 by the widest registers.
+pub(super) fn wide_product<const N: usize, const L: usize>(
+    f: &LaneSh<f32, L>,
+    g: &LaneSh<f32, L>,
+    out: &mut LaneSh<f32, L>,
+) {
+    struct Work<'a, const N: usize, const L: usize> {
+        f: &'a LaneSh<f32, L>,
+        g: &'a LaneSh<f32, L>,
+        out: &'a mut LaneSh<f32, L>,
+    }
+    impl<const N: usize, const L: usize> WithSimd for Work<'_, N, L> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) {
+            if S::F32_LANES <= PRODUCT_LANES || L <= 1 {
+                return plain_product::<f32, N, L>(self.f, self.g, self.out);
+            }
+            let zero = Wide::splat(simd, 0.0);
+            for first in (0..L).step_by(S::F32_LANES) {
+                let (mut f, mut g) = ([zero; MAX_COEFFICIENTS], [zero; MAX_COEFFICIENTS]);
+                for i in 0..N * N {
+                    f[i] = Wide::load(simd, &self.f[i].0[first..]);
+                    g[i] = Wide::load(simd, &self.g[i].0[first..]);
+                }
+                let mut product = [zero; MAX_COEFFICIENTS];
+                rings::product::<f32, _, N>(zero, &f, &g, &mut product);
+                for (out, product) in self.out.iter_mut().zip(product).take(N * N) {
+                    product.store(&mut out.0[first..]);
+                }
+            }
+        }
+    }
+    Arch::new().dispatch(Work::<N, L> { f, g, out });
+}
+
 /// Takes each lane to what 0 <= V <= 1 allows: V_0 into [0, sqrt(4 pi)], then |V_{l>0}| to at most
 /// sqrt(sqrt(4 pi) V_0 - V_0^2). A true visibility passes unchanged; what is not finite becomes V_0 alone.
-#[inline]
+#[inline(always)]
 pub fn guard<T: Real, const N: usize, const L: usize>(v: &mut LaneSh<T, L>) {
     let whole = (T::of(4.0) * T::PI()).sqrt();
     v[0] = v[0].at_least(T::zero()).at_most(whole);
@@ -218,5 +262,40 @@ pub fn guard<T: Real, const N: usize, const L: usize>(v: &mut LaneSh<T, L>) {
         for v in &mut v[1..N * N] {
             v.0[lane] = if scale > T::zero() { v.0[lane] * scale } else { T::zero() };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn compare<T: Real, const N: usize, const L: usize>() {
+        let wide = |seed: f64| -> LaneSh<T, L> {
+            std::array::from_fn(|i| {
+                Lane(std::array::from_fn(|lane| T::of((seed * (1 + 7 * i + 40 * lane) as f64).sin())))
+            })
+        };
+        let (f, g) = (wide(0.7), wide(1.3));
+        let mut together = nothing();
+        product::<T, N, L>(&f, &g, &mut together);
+        for lane in 0..L {
+            let one = |c: &LaneSh<T, L>| -> LaneSh<T, 1> { std::array::from_fn(|i| Lane([c[i].0[lane]])) };
+            let mut alone = nothing();
+            product::<T, N, 1>(&one(&f), &one(&g), &mut alone);
+            for i in 0..N * N {
+                assert_eq!(together[i].0[lane], alone[i].0[0], "order {N}, {L} lanes: coefficient {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn products_are_the_same_bits_however_many_lanes() {
+        compare::<f32, 2, 4>();
+        compare::<f32, 3, 16>();
+        compare::<f32, 4, 8>();
+        compare::<f32, 4, 24>();
+        compare::<f32, 5, 12>();
+        compare::<f32, 6, 16>();
+        compare::<f64, 6, 8>();
     }
 }

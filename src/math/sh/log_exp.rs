@@ -271,7 +271,7 @@ fn linear_of<T: Real, const N: usize, const L: usize>(
 
 /// `linear`: the exponential of a sum of logarithms by Eq. 24 of [Now11]. N is the order, 2 to 6.
 /// What comes out is still to be guarded.
-#[inline]
+#[inline(always)]
 pub fn linear<T: Real, const N: usize, const L: usize>(
     g: &LaneSh<T, L>,
     table: &ResponseTable<T>,
@@ -302,7 +302,7 @@ fn square_up<T: Real, const N: usize, const L: usize>(u: &mut LaneSh<T, L>, coun
 /// `hybrid`: `linear` of g/2^p, p = max(0, ceil log2 |g^|), then p squarings. The mean's exponent is
 /// spread over the squarings, so nothing overflows. `guarded`: after each of them and at the
 /// end, as every frame wants it; without it overlaps blow up. Returns p of each lane.
-#[inline]
+#[inline(always)]
 pub fn hybrid<T: Real, const N: usize, const L: usize>(
     g: &LaneSh<T, L>,
     table: &ResponseTable<T>,
@@ -318,7 +318,7 @@ pub fn hybrid<T: Real, const N: usize, const L: usize>(
 
 /// `squared`: 1 + g^ + g^ g^/2 of g^/2^p with |g^|/2^p <= 1/2, then p squarings; the mean's exponent is spread
 /// over them. `guarded` as for `hybrid`.
-#[inline]
+#[inline(always)]
 pub fn squared<T: Real, const N: usize, const L: usize>(
     g: &LaneSh<T, L>,
     guarded: bool,

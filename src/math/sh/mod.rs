@@ -37,6 +37,16 @@ pub trait Real:
 
     /// The table of [`rings::product`] for an order, taken into 2..=6; made when first asked for.
     fn rings(order: usize) -> &'static rings::Rings<Self>;
+
+    /// [`lanes::product`] as fast as this type allows.
+    #[inline]
+    fn product<const N: usize, const L: usize>(
+        f: &lanes::LaneSh<Self, L>,
+        g: &lanes::LaneSh<Self, L>,
+        out: &mut lanes::LaneSh<Self, L>,
+    ) {
+        lanes::plain_product::<Self, N, L>(f, g, out);
+    }
 }
 
 impl Real for f32 {
@@ -51,6 +61,18 @@ impl Real for f32 {
             [const { OnceLock::new() }; MAX_ORDER - 1];
         let order = order.clamp(2, MAX_ORDER);
         TABLES[order - 2].get_or_init(|| rings::Rings::new(order))
+    }
+
+    #[inline]
+    fn product<const N: usize, const L: usize>(
+        f: &lanes::LaneSh<Self, L>,
+        g: &lanes::LaneSh<Self, L>,
+        out: &mut lanes::LaneSh<Self, L>,
+    ) {
+        if L == 1 {
+            return lanes::plain_product::<Self, N, L>(f, g, out);
+        }
+        lanes::wide_product::<N, L>(f, g, out);
     }
 }
 

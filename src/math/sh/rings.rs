@@ -5,11 +5,20 @@
 //! rings at z and -z together, and the sums over phi are short Fourier transforms written out. At order 6 it takes a
 //! third of the operations of the sparse sum over Gamma.
 
-use super::{
-    MAX_COEFFICIENTS, MAX_ORDER, Real, basis,
-    lanes::{Lane, LaneSh},
-};
+use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis};
 use crate::math::quadrature::gauss_legendre;
+use std::ops::{Add, AddAssign, Mul, Sub};
+
+/// Numbers of type T of several functions side by side: plain operations, each on all of them.
+pub trait Number<T>:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<T, Output = Self> + AddAssign
+{
+}
+
+impl<T, V> Number<T> for V where
+    V: Copy + Add<Output = V> + Sub<Output = V> + Mul<Output = V> + Mul<T, Output = V> + AddAssign
+{
+}
 
 /// Pairs of l and m >= 0.
 const LEGENDRE: usize = MAX_ORDER * (MAX_ORDER + 1) / 2;
@@ -72,38 +81,39 @@ impl<T: Real> Rings<T> {
 }
 
 /// Fourier coefficients of a ring: of cos(m phi) and sin(m phi).
-type Waves<T, const L: usize> = [[Lane<T, L>; 2]; MAX_ORDER];
+type Waves<V> = [[V; 2]; MAX_ORDER];
 
 /// Does something for each m below N, with m as a constant: the loops inside are then written out.
 macro_rules! each_m {
-    ($n:ident, $f:ident::<$t:ty, $l:ident>($($argument:expr),*)) => {
-        $f::<$t, $n, 0, $l>($($argument),*);
-        $f::<$t, $n, 1, $l>($($argument),*);
+    ($n:ident, $f:ident::<$t:ty, $v:ty>($($argument:expr),*)) => {
+        $f::<$t, $v, $n, 0>($($argument),*);
+        $f::<$t, $v, $n, 1>($($argument),*);
         if $n > 2 {
-            $f::<$t, $n, 2, $l>($($argument),*);
+            $f::<$t, $v, $n, 2>($($argument),*);
         }
         if $n > 3 {
-            $f::<$t, $n, 3, $l>($($argument),*);
+            $f::<$t, $v, $n, 3>($($argument),*);
         }
         if $n > 4 {
-            $f::<$t, $n, 4, $l>($($argument),*);
+            $f::<$t, $v, $n, 4>($($argument),*);
         }
         if $n > 5 {
-            $f::<$t, $n, 5, $l>($($argument),*);
+            $f::<$t, $v, $n, 5>($($argument),*);
         }
     };
 }
 
 /// The waves of one m on the rings at z and -z: the bands with l - m even are equal on both, the others opposite.
 #[inline(always)]
-fn to_ring<T: Real, const N: usize, const M: usize, const L: usize>(
+fn to_ring<T: Real, V: Number<T>, const N: usize, const M: usize>(
+    zero: V,
     ring: &Ring<T>,
-    f: &LaneSh<T, L>,
-    above: &mut Waves<T, L>,
-    below: &mut Waves<T, L>,
+    f: &[V; MAX_COEFFICIENTS],
+    above: &mut Waves<V>,
+    below: &mut Waves<V>,
 ) {
     for part in 0..if M == 0 { 1 } else { 2 } {
-        let (mut even, mut odd) = (Lane::zero(), Lane::zero());
+        let (mut even, mut odd) = (zero, zero);
         for l in M..N {
             let i = if part == 0 { l * (l + 1) + M } else { l * (l + 1) - M };
             let term = f[i] * ring.values[place(l, M)];
@@ -121,23 +131,23 @@ fn to_ring<T: Real, const N: usize, const M: usize, const L: usize>(
 
 /// f on the rings at z and -z.
 #[inline(always)]
-fn to_rings<T: Real, const N: usize, const L: usize>(
+fn to_rings<T: Real, V: Number<T>, const N: usize>(
+    zero: V,
     ring: &Ring<T>,
-    f: &LaneSh<T, L>,
-) -> (Waves<T, L>, Waves<T, L>) {
-    let zero = [[Lane::zero(); 2]; MAX_ORDER];
-    let (mut above, mut below) = (zero, zero);
-    each_m!(N, to_ring::<T, L>(ring, f, &mut above, &mut below));
+    f: &[V; MAX_COEFFICIENTS],
+) -> (Waves<V>, Waves<V>) {
+    let (mut above, mut below) = ([[zero; 2]; MAX_ORDER], [[zero; 2]; MAX_ORDER]);
+    each_m!(N, to_ring::<T, V>(zero, ring, f, &mut above, &mut below));
     (above, below)
 }
 
 /// Adds what the rings at z and -z give to the coefficients of one m.
 #[inline(always)]
-fn from_ring<T: Real, const N: usize, const M: usize, const L: usize>(
+fn from_ring<T: Real, V: Number<T>, const N: usize, const M: usize>(
     ring: &Ring<T>,
-    above: &Waves<T, L>,
-    below: &Waves<T, L>,
-    out: &mut LaneSh<T, L>,
+    above: &Waves<V>,
+    below: &Waves<V>,
+    out: &mut [V; MAX_COEFFICIENTS],
 ) {
     for part in 0..if M == 0 { 1 } else { 2 } {
         let both = above[M][part] + below[M][part];
@@ -152,53 +162,54 @@ fn from_ring<T: Real, const N: usize, const M: usize, const L: usize>(
 
 /// Multiplies two rings sample by sample and goes back to waves.
 #[inline(always)]
-fn multiply<T: Real, const N: usize, const L: usize>(f: &Waves<T, L>, g: &Waves<T, L>) -> Waves<T, L> {
+fn multiply<T: Real, V: Number<T>, const N: usize>(zero: V, f: &Waves<V>, g: &Waves<V>) -> Waves<V> {
     match N {
         0..=3 => {
-            let (f, g) = (eight(f), eight(g));
-            from_eight(&std::array::from_fn(|j| f[j] * g[j]))
+            let (f, g) = (eight::<T, V>(f), eight::<T, V>(g));
+            from_eight::<T, V>(zero, &times(&f, &g))
         }
         4 => {
-            let (f, g) = (twelve(f), twelve(g));
-            from_twelve(&std::array::from_fn(|j| f[j] * g[j]))
+            let (f, g) = (twelve::<T, V>(f), twelve::<T, V>(g));
+            from_twelve::<T, V>(zero, &times(&f, &g))
         }
         _ => {
-            let (f, g) = (sixteen(f), sixteen(g));
-            from_sixteen(&std::array::from_fn(|j| f[j] * g[j]))
+            let (f, g) = (sixteen::<T, V>(f), sixteen::<T, V>(g));
+            from_sixteen::<T, V>(zero, &times(&f, &g))
         }
     }
 }
 
-/// The truncated product (Eq. 4 of [Now11]); N is the order, 2 to 6. Commutative bit for bit.
-#[inline]
-pub fn product<T: Real, const N: usize, const L: usize>(
-    f: &LaneSh<T, L>,
-    g: &LaneSh<T, L>,
-    out: &mut LaneSh<T, L>,
+/// The truncated product (Eq. 4 of [Now11]); N is the order, 2 to 6. Commutative bit for bit. `zero` is 0 in each place.
+#[inline(always)]
+pub fn product<T: Real, V: Number<T>, const N: usize>(
+    zero: V,
+    f: &[V; MAX_COEFFICIENTS],
+    g: &[V; MAX_COEFFICIENTS],
+    out: &mut [V; MAX_COEFFICIENTS],
 ) {
     let rings = T::rings(N);
     for out in out.iter_mut().take(N * N) {
-        *out = Lane::zero();
+        *out = zero;
     }
     for ring in &rings.pairs {
-        let (f_above, f_below) = to_rings::<T, N, L>(ring, f);
-        let (g_above, g_below) = to_rings::<T, N, L>(ring, g);
-        let above = multiply::<T, N, L>(&f_above, &g_above);
-        let below = multiply::<T, N, L>(&f_below, &g_below);
-        each_m!(N, from_ring::<T, L>(ring, &above, &below, out));
+        let (f_above, f_below) = to_rings::<T, V, N>(zero, ring, f);
+        let (g_above, g_below) = to_rings::<T, V, N>(zero, ring, g);
+        let above = multiply::<T, V, N>(zero, &f_above, &g_above);
+        let below = multiply::<T, V, N>(zero, &f_below, &g_below);
+        each_m!(N, from_ring::<T, V>(ring, &above, &below, out));
     }
     if let Some(ring) = &rings.centre {
         // z and -z are one ring: what is odd vanishes there, and nothing stands below.
-        let (f, _) = to_rings::<T, N, L>(ring, f);
-        let (g, _) = to_rings::<T, N, L>(ring, g);
-        let waves = multiply::<T, N, L>(&f, &g);
-        each_m!(N, from_ring::<T, L>(ring, &waves, &[[Lane::zero(); 2]; MAX_ORDER], out));
+        let (f, _) = to_rings::<T, V, N>(zero, ring, f);
+        let (g, _) = to_rings::<T, V, N>(zero, ring, g);
+        let waves = multiply::<T, V, N>(zero, &f, &g);
+        each_m!(N, from_ring::<T, V>(ring, &waves, &[[zero; 2]; MAX_ORDER], out));
     }
 }
 
 /// Waves up to m = 2 at phi = 2 pi j/8. Even waves repeat after half a turn, odd ones change sign.
 #[inline(always)]
-fn eight<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 8] {
+fn eight<T: Real, V: Number<T>>(w: &Waves<V>) -> [V; 8] {
     let k = T::FRAC_1_SQRT_2();
     let [[mean, _], [c1, s1], [c2, s2], ..] = *w;
     let even = [mean + c2, mean + s2, mean - c2, mean - s2];
@@ -208,10 +219,9 @@ fn eight<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 8] {
 
 /// Sums of 8 samples times cos and sin of m phi, m up to 2.
 #[inline(always)]
-fn from_eight<T: Real, const L: usize>(h: &[Lane<T, L>; 8]) -> Waves<T, L> {
+fn from_eight<T: Real, V: Number<T>>(zero: V, h: &[V; 8]) -> Waves<V> {
     let k = T::FRAC_1_SQRT_2();
-    let (e, o): ([Lane<T, L>; 4], [Lane<T, L>; 4]) = unhalve(h);
-    let zero = Lane::zero();
+    let (e, o): ([V; 4], [V; 4]) = unhalve(h);
     [
         [(e[0] + e[2]) + (e[1] + e[3]), zero],
         [o[0] + (o[1] - o[3]) * k, o[2] + (o[1] + o[3]) * k],
@@ -224,7 +234,7 @@ fn from_eight<T: Real, const L: usize>(h: &[Lane<T, L>; 8]) -> Waves<T, L> {
 
 /// Waves up to m = 3 at phi = 2 pi j/12.
 #[inline(always)]
-fn twelve<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 12] {
+fn twelve<T: Real, V: Number<T>>(w: &Waves<V>) -> [V; 12] {
     let (half, root) = (T::of(0.5), T::of(0.75_f64.sqrt()));
     let [[mean, _], [c1, s1], [c2, s2], [c3, s3], ..] = *w;
     let (c, s) = (c2 * half, s2 * root);
@@ -238,10 +248,9 @@ fn twelve<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 12] {
 
 /// Sums of 12 samples times cos and sin of m phi, m up to 3.
 #[inline(always)]
-fn from_twelve<T: Real, const L: usize>(h: &[Lane<T, L>; 12]) -> Waves<T, L> {
+fn from_twelve<T: Real, V: Number<T>>(zero: V, h: &[V; 12]) -> Waves<V> {
     let (half, root) = (T::of(0.5), T::of(0.75_f64.sqrt()));
-    let (e, o): ([Lane<T, L>; 6], [Lane<T, L>; 6]) = unhalve(h);
-    let zero = Lane::zero();
+    let (e, o): ([V; 6], [V; 6]) = unhalve(h);
     let (near, far) = (e[1] + e[5], e[2] + e[4]);
     let (side, cross) = (o[1] + o[5], o[2] - o[4]);
     [
@@ -256,12 +265,12 @@ fn from_twelve<T: Real, const L: usize>(h: &[Lane<T, L>; 12]) -> Waves<T, L> {
 
 /// Waves up to m = 5 at phi = 2 pi j/16.
 #[inline(always)]
-fn sixteen<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 16] {
+fn sixteen<T: Real, V: Number<T>>(w: &Waves<V>) -> [V; 16] {
     let (a, b, k) = (T::of(COS_22_5), T::of(SIN_22_5), T::FRAC_1_SQRT_2());
     let [[mean, _], [c1, s1], [c2, s2], [c3, s3], [c4, s4], [c5, s5]] = *w;
     let quarter = [mean + c4, mean + s4, mean - c4, mean - s4];
     let turn = [c2, (c2 + s2) * k, s2, (s2 - c2) * k];
-    let even: [Lane<T, L>; 8] = halves(&quarter, &turn);
+    let even: [V; 8] = halves(&quarter, &turn);
     let (sum, gap) = (c3 + c5, c3 - c5);
     let x = [c1 + sum, c1 * a + gap * b, (c1 - sum) * k, c1 * b - gap * a];
     let (sum, gap) = (s3 + s5, s3 - s5);
@@ -272,16 +281,16 @@ fn sixteen<T: Real, const L: usize>(w: &Waves<T, L>) -> [Lane<T, L>; 16] {
 
 /// Sums of 16 samples times cos and sin of m phi, m up to 5.
 #[inline(always)]
-fn from_sixteen<T: Real, const L: usize>(h: &[Lane<T, L>; 16]) -> Waves<T, L> {
+fn from_sixteen<T: Real, V: Number<T>>(zero: V, h: &[V; 16]) -> Waves<V> {
     let (a, b, k) = (T::of(COS_22_5), T::of(SIN_22_5), T::FRAC_1_SQRT_2());
-    let (e, o): ([Lane<T, L>; 8], [Lane<T, L>; 8]) = unhalve(h);
-    let (quarter, turn): ([Lane<T, L>; 4], [Lane<T, L>; 4]) = unhalve(&e);
+    let (e, o): ([V; 8], [V; 8]) = unhalve(h);
+    let (quarter, turn): ([V; 4], [V; 4]) = unhalve(&e);
     let q = [o[1] - o[7], (o[2] - o[6]) * k, o[3] - o[5]];
     let p = [o[1] + o[7], (o[2] + o[6]) * k, o[3] + o[5]];
     let (c_in, c_gap) = (o[0] - q[1], q[0] * b - q[2] * a);
     let (s_in, s_gap) = (p[1] - o[4], p[0] * a - p[2] * b);
     [
-        [(quarter[0] + quarter[2]) + (quarter[1] + quarter[3]), Lane::zero()],
+        [(quarter[0] + quarter[2]) + (quarter[1] + quarter[3]), zero],
         [(o[0] + q[1]) + (q[0] * a + q[2] * b), (o[4] + p[1]) + (p[0] * b + p[2] * a)],
         [turn[0] + (turn[1] - turn[3]) * k, turn[2] + (turn[1] + turn[3]) * k],
         [c_in + c_gap, s_gap + s_in],
@@ -294,27 +303,50 @@ fn from_sixteen<T: Real, const L: usize>(h: &[Lane<T, L>; 16]) -> Waves<T, L> {
 const COS_22_5: f64 = 0.923_879_532_511_286_7;
 const SIN_22_5: f64 = 0.382_683_432_365_089_8;
 
+/// Sample by sample. Loops, here and below: the body of a closure would not get the instructions of its surroundings.
+#[inline(always)]
+fn times<V: Copy + Mul<Output = V>, const S: usize>(f: &[V; S], g: &[V; S]) -> [V; S] {
+    let mut all = *f;
+    for j in 0..S {
+        all[j] = f[j] * g[j];
+    }
+    all
+}
+
 /// All samples of what repeats (even) plus what changes sign (odd) after half of them.
 #[inline(always)]
-fn halves<T: Real, const H: usize, const S: usize, const L: usize>(
-    even: &[Lane<T, L>; H],
-    odd: &[Lane<T, L>; H],
-) -> [Lane<T, L>; S] {
-    std::array::from_fn(|j| if j < H { even[j] + odd[j] } else { even[j - H] - odd[j - H] })
+fn halves<V: Copy + Add<Output = V> + Sub<Output = V>, const H: usize, const S: usize>(
+    even: &[V; H],
+    odd: &[V; H],
+) -> [V; S] {
+    let mut all = [even[0]; S];
+    for j in 0..H {
+        all[j] = even[j] + odd[j];
+        all[j + H] = even[j] - odd[j];
+    }
+    all
 }
 
 /// Sums and differences of samples half a turn apart.
 #[inline(always)]
-fn unhalve<T: Real, const H: usize, const S: usize, const L: usize>(
-    h: &[Lane<T, L>; S],
-) -> ([Lane<T, L>; H], [Lane<T, L>; H]) {
-    (std::array::from_fn(|j| h[j] + h[j + H]), std::array::from_fn(|j| h[j] - h[j + H]))
+fn unhalve<V: Copy + Add<Output = V> + Sub<Output = V>, const H: usize, const S: usize>(
+    h: &[V; S],
+) -> ([V; H], [V; H]) {
+    let (mut sums, mut gaps) = ([h[0]; H], [h[0]; H]);
+    for j in 0..H {
+        sums[j] = h[j] + h[j + H];
+        gaps[j] = h[j] - h[j + H];
+    }
+    (sums, gaps)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::sh::{lanes::nothing, product as sparse};
+    use crate::math::sh::{
+        lanes::{Lane, LaneSh, nothing},
+        product as sparse,
+    };
     use proptest::prelude::*;
 
     fn compare<T: Real, const N: usize, const L: usize>(f: &[f64], g: &[f64], most: f64) {
@@ -328,8 +360,8 @@ mod tests {
         };
         let (f, g) = (lanes(f), lanes(g));
         let (mut fg, mut gf) = (nothing(), nothing());
-        product::<T, N, L>(&f, &g, &mut fg);
-        product::<T, N, L>(&g, &f, &mut gf);
+        product::<T, _, N>(Lane::zero(), &f, &g, &mut fg);
+        product::<T, _, N>(Lane::zero(), &g, &f, &mut gf);
         assert_eq!(fg, gf);
         for lane in 0..L {
             let of = |c: &LaneSh<T, L>| c.map(|c| c.0[lane].to_f64().unwrap());
