@@ -133,6 +133,7 @@ fn a_changed_key_acts_as_if_it_had_been_there_from_the_start() {
         "quality.phong_norm = \"paper\"",
         "quality.self_shadow = \"openness\"",
         "quality.brackets = 2",
+        "quality.light_every = 4",
         "present.exposure_s = 0.004",
         "present.view = \"global\"",
     ] {

@@ -70,12 +70,7 @@ impl Representatives {
         self.towards.clear();
         self.towards.extend(field.sources.iter().map(|s| (s.centre_world - eye).normalize_or(Vec3::Z)));
         for &source in marks.sources() {
-            let row = &field.transfers()[source as usize];
-            let mut sum = 0.0f32;
-            for (first, values) in row.runs() {
-                let Some(mask) = self.mask.get(first..first + values.len()) else { continue };
-                sum += values.iter().zip(mask).map(|(v, m)| v * m).sum::<f32>();
-            }
+            let sum = field.transfers()[source as usize].dot(&self.mask);
             let light = field.sources[source as usize].luminance * sum * scale;
             // A marked source is never left out, however faint.
             self.light[source as usize] = light.max(f32::MIN_POSITIVE);

@@ -84,6 +84,25 @@ impl TransferRow {
         }
     }
 
+    /// Sum of the row's values times the weights of their vertices, in eight sums side by side.
+    pub fn dot(&self, weights: &[f32]) -> f32 {
+        let mut sums = [0.0f32; 8];
+        for (first, values) in self.runs() {
+            let Some(weights) = weights.get(first..first + values.len()) else { continue };
+            let (values, rest) = values.as_chunks::<8>();
+            let (weights, weights_rest) = weights.as_chunks::<8>();
+            for (v, w) in values.iter().zip(weights) {
+                for lane in 0..8 {
+                    sums[lane] += v[lane] * w[lane];
+                }
+            }
+            for (lane, (v, w)) in rest.iter().zip(weights_rest).enumerate() {
+                sums[lane] += v * w;
+            }
+        }
+        sums.iter().sum()
+    }
+
     /// Bytes that it holds.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.runs) + size_of_val(&*self.values)

@@ -10,6 +10,9 @@ proptest! {
             prop_assert_eq!(row.at(i), *value);
         }
         prop_assert_eq!(row.at(dense.len() + 3), 0.0);
+        let weights: Vec<f32> = (0..dense.len()).map(|i| 0.1 + i as f32).collect();
+        let exact: f64 = dense.iter().zip(&weights).map(|(d, w)| f64::from(*d) * f64::from(*w)).sum();
+        prop_assert!((f64::from(row.dot(&weights)) - exact).abs() <= 1e-5 * exact);
         let mut sum = vec![[1.0; 3]; dense.len()];
         row.add_to([1.0, 2.0, 0.0], &mut sum);
         for (got, value) in sum.iter().zip(&dense) {
