@@ -11,6 +11,7 @@ pub mod quality_flags;
 pub mod record;
 pub mod render;
 pub mod replay;
+pub mod reproduce;
 pub mod spheres;
 pub mod synth;
 pub mod tags;
@@ -50,6 +51,8 @@ pub enum Verb {
     Spheres(spheres::Arguments),
     /// Make a recording of the synthetic room, with its truth.
     Synth(synth::Arguments),
+    /// Do an experiment of the papers again: table and plot.
+    Reproduce(reproduce::Arguments),
     /// Check a configuration file; prints all mistakes at once.
     Check(check::Arguments),
     /// List the devices and engines at hand.
@@ -69,6 +72,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
         Verb::Record(a) => record::run(a, common),
         Verb::Spheres(a) => spheres::run(a, common),
         Verb::Synth(a) => synth::run(a, common),
+        Verb::Reproduce(a) => reproduce::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Devices(a) => devices::run(a, common),
     }

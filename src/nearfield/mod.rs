@@ -15,6 +15,7 @@ pub mod shadow_edges;
 pub mod shaft;
 pub mod shafts;
 pub mod transfer;
+pub mod two_sets;
 
 #[cfg(test)]
 mod fixture;
