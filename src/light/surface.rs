@@ -450,3 +450,18 @@ fn median(numbers: &mut [f64]) -> f64 {
     }
     *numbers.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lamp_of_one_channel_alone_is_not_believed() {
+        let solution = |b| Solution { reflection: 0.5, missing: [0.0, b, 0.0, 0.0], noise: 1.0 };
+        let read = [[0.0; 3], [1.0, 1.0, 0.5], [0.0; 3], [0.0; 3]];
+        // Red would be 1 + 5 / 0.5 = 11 for a green of 1; then 9; then all grow alike.
+        assert_eq!(too_colourful(&[5.0, 0.0, 0.0].map(solution), &read), Some((1, 0)));
+        assert_eq!(too_colourful(&[4.0, 0.0, 0.0].map(solution), &read), None);
+        assert_eq!(too_colourful(&[5.0, 5.0, 5.0].map(solution), &read), None);
+    }
+}
