@@ -3,6 +3,7 @@
 pub mod blockers;
 pub mod fit_spheres;
 pub mod lobes;
+pub mod proxies;
 pub mod openness;
 pub mod shadow_maps;
 pub mod transfer;

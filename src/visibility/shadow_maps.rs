@@ -9,6 +9,7 @@
 
 mod draw;
 mod many;
+pub mod point;
 mod reach;
 mod set;
 
