@@ -12,8 +12,8 @@ use crate::{
     math::{lens::Lens, pose::Pose},
     sources::expand::Priority,
     visibility::{
+        point_maps::{LightPlaces, PointMaps},
         proxies::Proxies,
-        shadow_maps::point::{LightPlaces, PointMaps},
     },
 };
 use glam::Vec3;
@@ -110,8 +110,9 @@ impl NearFrame {
             for (range, triangle) in ranges.iter_mut().zip(triangles) {
                 let begin = chunk.len() as u32;
                 if triangle.iter().any(|&v| marks.has_vertex(v as usize)) {
-                    let position =
-                        |v: u32| field.patches.vertices.get(v as usize).map_or(Vec3::NAN, |v| v.position_world);
+                    let position = |v: u32| {
+                        field.patches.vertices.get(v as usize).map_or(Vec3::NAN, |v| v.position_world)
+                    };
                     let corners = triangle.map(position);
                     let row = |k: usize, v: u32| rows.get(k * vertices + v as usize).copied();
                     chunk.extend((0..lights).filter_map(|k| {

@@ -9,7 +9,6 @@
 
 mod draw;
 mod many;
-pub mod point;
 mod reach;
 mod set;
 

@@ -41,7 +41,7 @@ impl ShadowMap {
 
     /// Where casters are.
     #[inline(always)]
-    pub(super) fn reach(&self) -> &Reach {
+    pub(in crate::visibility) fn reach(&self) -> &Reach {
         &self.reach
     }
 
@@ -93,13 +93,13 @@ impl ShadowMap {
     }
 
     /// Takes vertices that are projected already: column and row in texels, and depth.
-    pub(super) fn set_vertices(&mut self, mapped: impl Iterator<Item = [f32; 3]>) {
+    pub(in crate::visibility) fn set_vertices(&mut self, mapped: impl Iterator<Item = [f32; 3]>) {
         self.vertices.clear();
         self.vertices.extend(mapped.map(Vertex::at));
     }
 
     /// Draws triangles of the vertices into a map of `side` texels a side.
-    pub(super) fn rasterise(&mut self, side: usize, triangles: &[[u32; 3]], band_rows: usize) {
+    pub(in crate::visibility) fn rasterise(&mut self, side: usize, triangles: &[[u32; 3]], band_rows: usize) {
         if self.depth.len() != side * side {
             self.clear(side);
         }

@@ -1,8 +1,9 @@
 //! Shadow maps of near light: the depths of casters as seen from a place (Section 7.2 of [Gib03]). What a map holds is
 //! projective, `1 - near / distance along the axis`, which is an affine function over the map for every plane: the same
-//! rasteriser draws it, and the bias of a flat receiver is exact.
+//! rasteriser draws it, and the depth of a flat receiver is known at every texel.
+//! Twin: `shaders/visibility/point_maps.wgsl`.
 
-use super::{EDGE_TEXELS, EMPTY_DEPTH, MAX_BIAS_TEXELS, ROUNDING_TEXELS, ShadowMap};
+use super::shadow_maps::{EDGE_TEXELS, EMPTY_DEPTH, MAX_BIAS_TEXELS, ROUNDING_TEXELS, ShadowMap};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -177,11 +178,13 @@ impl PointMaps {
     /// Draws the casters into every map, after [`Self::fit`]. Same result for any number of threads.
     pub fn draw(&mut self, casters: &[Vec3], triangles: &[[u32; 3]]) {
         let Self { cameras, maps, cut } = self;
-        cameras.par_iter().zip(maps.par_iter_mut()).zip(cut.par_iter_mut()).for_each(|((camera, map), cut)| {
-            if let Some(camera) = camera {
-                draw(camera, casters, triangles, map, cut);
-            }
-        });
+        cameras.par_iter().zip(maps.par_iter_mut()).zip(cut.par_iter_mut()).for_each(
+            |((camera, map), cut)| {
+                if let Some(camera) = camera {
+                    draw(camera, casters, triangles, map, cut);
+                }
+            },
+        );
     }
 
     /// One for each place of [`Self::fit`].
@@ -229,13 +232,7 @@ impl PointMaps {
     }
 }
 
-fn draw(
-    camera: &PointCamera,
-    casters: &[Vec3],
-    triangles: &[[u32; 3]],
-    map: &mut ShadowMap,
-    cut: &mut Cut,
-) {
+fn draw(camera: &PointCamera, casters: &[Vec3], triangles: &[[u32; 3]], map: &mut ShadowMap, cut: &mut Cut) {
     let side = camera.texels as usize;
     // Whole maps are one unit of parallel work each.
     if casters.iter().all(|&p| camera.map(p).is_some()) {
@@ -301,7 +298,14 @@ pub struct LightPlaces {
 /// column and row, `inverse_r` and `inverse_b` the inverse distances along the axis of the receiver and of the blocker, 1 /
 /// metres, `place` right, up and forward from the middle. Exact for a blocker of that distance.
 #[inline(always)]
-fn read_at(at: [f32; 2], corner: [f32; 2], texel: f32, inverse_r: f32, inverse_b: f32, place: [f32; 3]) -> [f32; 2] {
+fn read_at(
+    at: [f32; 2],
+    corner: [f32; 2],
+    texel: f32,
+    inverse_r: f32,
+    inverse_b: f32,
+    place: [f32; 3],
+) -> [f32; 2] {
     let forward = 1.0 / (1.0 - place[2] * inverse_r);
     let scale = forward * (1.0 - place[2] * inverse_b);
     let along = forward * (inverse_b - inverse_r) / texel;
