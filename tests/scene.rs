@@ -4,9 +4,10 @@
 mod support;
 
 use glam::Vec3;
-use halflight::assets::scene::{LightSource, load, parse};
+use halflight::assets::scene::{LightSource, RoomLightSource, load, parse};
 use halflight::math::lens::Lens;
 use halflight::model::{light::MapLayout, rig::Rig, scene::Material};
+use halflight::nearfield::prepare::RoomSettings;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -26,6 +27,19 @@ file = "room.hdr"
 layout = "angular"
 up = "y"
 rotation_deg = 30.0
+[room]
+file = "room.glb"
+light = "probe"
+probe = "probe.hdr"
+probe_position = [0, 0.5, 0.4]
+layout = "cube"
+up = "y"
+rotation_deg = -90
+sun = false
+patch_m = 0.25
+power_share = 0.9
+neglected_share = 0.01
+rays = 9
 [ball]
 centre = [-0.2, 0.04, 0.06]
 radius_m = 0.06
@@ -92,6 +106,43 @@ fn every_key_is_understood() {
             && high.abs_diff_eq(Vec3::new(0.2, 0.1, 0.3), 1e-6)
     );
     assert!(!scene.scene.surfaces[0].receives_shadow);
+}
+
+#[test]
+fn a_room_is_understood() {
+    let room = parse(Path::new("folder/all.toml"), EVERY_KEY).unwrap().room.unwrap();
+    assert_eq!(room.file, Path::new("folder/room.glb"));
+    let RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } = &room.light
+    else {
+        panic!("{:?}", room.light)
+    };
+    assert_eq!(file, Path::new("folder/probe.hdr"));
+    assert_eq!((*layout, *y_up, *rotation_deg, *factor_sun), (MapLayout::Cube, true, -90.0, false));
+    assert_eq!(*position_world, Vec3::new(0.0, 0.5, 0.4));
+    let how = room.settings.preparation;
+    assert_eq!((room.settings.patch_m, how.power_share), (Some(0.25), 0.9));
+    assert_eq!((how.neglected, how.rays_side), (0.01, 3));
+    let plain = parse(Path::new("all.toml"), "[room]\nfile = \"a.glb\"").unwrap().room.unwrap();
+    assert_eq!((plain.light, plain.settings), (RoomLightSource::Given, RoomSettings::default()));
+}
+
+#[test]
+fn all_mistakes_of_a_room_are_told_at_once() {
+    let text = "[room]\nlight = \"probe\"\npatch_m = 0\nrays = 5\npower_share = 1.5\nprob = \"a.hdr\"";
+    let error = parse(Path::new("bad.toml"), text).unwrap_err().to_string();
+    for words in [
+        "room.file: must be given",
+        "room.probe: must be given: light is \"probe\"",
+        "room.probe_position: must be given",
+        "room.patch_m = 0: must be a number within 0.005..=10",
+        "room.rays = 5: must be the square of a whole number",
+        "room.power_share = 1.5: must be a number above 0, at most 1",
+        "room.prob = \"a.hdr\": must be a known key (did you mean probe?)",
+    ] {
+        assert!(error.contains(words), "{words}\nis not in\n{error}");
+    }
+    let error = parse(Path::new("bad.toml"), "[room]\nfile = \"a\"\nsun = true").unwrap_err().to_string();
+    assert!(error.contains("room.sun = true: must be left out where light is not"), "{error}");
 }
 
 #[test]

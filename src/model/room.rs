@@ -47,6 +47,19 @@ pub struct Room {
     pub surfaces: Vec<RoomSurface>,
 }
 
+/// A light at infinity that shines into a room through some of its surfaces: the sun behind a window, [Gib03]'s limit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RoomSun {
+    /// Unit vector towards it, world frame.
+    pub to_light_world: [f32; 3],
+    /// Irradiance on a plane that faces it, outside or behind an aperture.
+    pub irradiance_rgb: [f32; 3],
+    /// Root mean square angle to its own direction, by flux, radians.
+    pub extent_rad: f32,
+    /// Indices into [`Room::surfaces`], ascending: those that do not hide it. All others do, with both sides.
+    pub apertures: Vec<u32>,
+}
+
 /// A small flat piece of a room's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
@@ -63,7 +76,8 @@ pub struct Patch {
     pub radiance_rgb: [f32; 3],
     /// Diffuse reflectance, linear RGB.
     pub reflectance_rgb: [f32; 3],
-    /// Whether its radiance was measured; else it was filled in (as its surface's own light alone).
+    /// Whether its radiance was measured; else it was filled in: as its surface's own light alone, or as
+    /// `nearfield::probe` says.
     pub seen: bool,
     /// Index into [`Room::surfaces`].
     pub surface: u32,

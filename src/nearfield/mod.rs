@@ -9,6 +9,7 @@ pub mod intensity;
 pub mod marks;
 pub mod octree;
 pub mod patches;
+pub mod prepare;
 pub mod representatives;
 pub mod sets;
 pub mod shadow_edges;

@@ -18,6 +18,17 @@
 //! # file = "room.hdr", layout = "equirect" | "angular" | "cube", up = "z" | "y", rotation_deg = 30.0
 //! # constant = [0.3, 0.3, 0.3], to_light = [0.5, 0.0, 0.8], irradiance_rgb = [3.0, 3.0, 2.8]
 //!
+//! [room]                             # known geometry of the real place: near light and its shadows
+//! file = "room.glb"                  # glTF (emissive parts shine), or a reference case
+//! light = "probe"                    # "given" (what the file's surfaces emit; default), or read off a probe:
+//! probe = "room.hdr"                 # an environment picture taken inside; layout, up, rotation_deg as in [light]
+//! probe_position = [0.0, 0.0, 0.4]   # where
+//! sun = true                         # small strong lights that it sees become suns that shine in (default)
+//! patch_m = 0.2                      # mean size of a patch (default: 1500 patches)
+//! power_share = 0.7                  # share of the power of all patches that the sources of shadows have
+//! neglected_share = 0.02             # share of the light at each corner that may be neglected
+//! rays = 1                           # from each corner to each source: 1, 4, 9, .. 64
+//!
 //! [ball]
 //! centre = [-0.2, 0.04, 0.06]
 //! radius_m = 0.06
@@ -58,7 +69,10 @@
 mod figure;
 mod place;
 mod rig;
+mod room;
 mod walk;
+
+pub use room::{RoomLightSource, RoomSource};
 
 use super::error::{AssetError, read_text};
 use crate::math::{lens::Lens, pose::Pose};
@@ -133,6 +147,8 @@ pub struct SceneFile {
     pub camera: Option<SceneCamera>,
     /// The light.
     pub light: LightSource,
+    /// The known room.
+    pub room: Option<RoomSource>,
     /// Known tags.
     pub tags: Vec<TagPlacement>,
     /// The mirror ball.
@@ -200,6 +216,7 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let camera = root.table("camera").and_then(|s| rig::camera(&s, folder, &mistakes));
     let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
+    let room = root.table("room").and_then(|s| room::room(&s, folder));
     let (ball, ball_on_surface) = root.table("ball").map_or((None, true), |s| rig::ball(&s));
     let tags = root.tables("tag").iter().filter_map(rig::tag).collect();
     let surfaces: Vec<RealSurface> = root
@@ -218,7 +235,9 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     root.finish();
     match mistakes.into_error() {
         Some(error) => Err(error),
-        None => Ok(SceneFile { file: file.to_owned(), scene, camera, light, tags, ball, ball_on_surface }),
+        None => {
+            Ok(SceneFile { file: file.to_owned(), scene, camera, light, room, tags, ball, ball_on_surface })
+        }
     }
 }
 

@@ -102,22 +102,7 @@ pub fn light(section: &Section<'_>, folder: &Path) -> LightSource {
     let ways = ["measure", "file", "constant", "to_light"].iter().filter(|key| section.has(key)).count();
     let measure = section.read("measure", "\"ball\"", |v| (v.as_str() == Some("ball")).then_some(()));
     let file = section.text("file").map(|name| resolved(folder, name));
-    let layout = section
-        .read("layout", "one of \"equirect\", \"angular\", \"cube\"", |v| match v.as_str()? {
-            "equirect" => Some(MapLayout::Equirect),
-            "angular" => Some(MapLayout::Angular),
-            "cube" => Some(MapLayout::Cube),
-            _ => None,
-        })
-        .unwrap_or(MapLayout::Equirect);
-    let y_up = section
-        .read("up", "\"z\" or \"y\"", |v| match v.as_str()? {
-            "z" => Some(false),
-            "y" => Some(true),
-            _ => None,
-        })
-        .unwrap_or(false);
-    let rotation_deg = section.number("rotation_deg", -360.0, 360.0).unwrap_or(0.0);
+    let (layout, y_up, rotation_deg) = map_keys(section);
     let constant_rgb = section.color("constant", 1e6);
     let to_light = section.read("to_light", "a vector of three numbers that is not zero", |v| {
         let list = numbers(v).filter(|l| l.len() == 3)?;
@@ -139,6 +124,27 @@ pub fn light(section: &Section<'_>, folder: &Path) -> LightSource {
             direct: to_light.zip(irradiance_rgb),
         },
     }
+}
+
+/// How an environment picture lies: its layout, whether its up is +y, and its turn about the world's z axis in degrees.
+pub fn map_keys(section: &Section<'_>) -> (MapLayout, bool, f64) {
+    let layout = section
+        .read("layout", "one of \"equirect\", \"angular\", \"cube\"", |v| match v.as_str()? {
+            "equirect" => Some(MapLayout::Equirect),
+            "angular" => Some(MapLayout::Angular),
+            "cube" => Some(MapLayout::Cube),
+            _ => None,
+        })
+        .unwrap_or(MapLayout::Equirect);
+    let y_up = section
+        .read("up", "\"z\" or \"y\"", |v| match v.as_str()? {
+            "z" => Some(false),
+            "y" => Some(true),
+            _ => None,
+        })
+        .unwrap_or(false);
+    let rotation_deg = section.number("rotation_deg", -360.0, 360.0).unwrap_or(0.0);
+    (layout, y_up, rotation_deg)
 }
 
 /// `[ball]`, and whether it stands on the surface.

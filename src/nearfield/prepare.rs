@@ -1,0 +1,167 @@
+//! From a room and its light to a room that is known: patches with radiance and reflectance, transfers, suns.
+
+use super::{
+    error::RoomError,
+    field::{NearField, Preparation},
+    patches::{MAX_PATCHES, Subdivision, subdivide},
+};
+use crate::{
+    math::{lens::Lens, pose::Pose},
+    model::{
+        image::RadianceImage,
+        light::EnvironmentMap,
+        room::{Face, Room, RoomSun},
+    },
+};
+use glam::{DMat3, Vec3};
+
+/// Smallest and largest patch that may be asked for, metres.
+pub const PATCH_SIZES_M: (f32, f32) = (0.005, 10.0);
+/// Share of the progress that mapping the light takes.
+const LIGHT_SHARE: f32 = 0.2;
+
+/// How a room is prepared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RoomSettings {
+    /// Mean size of a patch, metres, within [`PATCH_SIZES_M`]: the room gets its area over the square of this many
+    /// patches, at most 20,000. `None`: 1500 patches whatever its size.
+    pub patch_m: Option<f32>,
+    /// What is spent on transfers and shafts.
+    pub preparation: Preparation,
+}
+
+impl Default for RoomSettings {
+    /// 1500 patches, and `Preparation`'s own.
+    fn default() -> Self {
+        Self { patch_m: None, preparation: Preparation::default() }
+    }
+}
+
+/// Where a room's radiance comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum RoomLight<'a> {
+    /// From the room itself: what its surfaces emit, and nothing else.
+    Given,
+    /// Measured by a probe: an HDR picture of the whole sphere, taken at a known place in the room.
+    Probe {
+        /// The picture.
+        map: &'a EnvironmentMap,
+        /// Turns the map's axes (`light::maps`) into the world's.
+        world_from_map: DMat3,
+        /// Where it was taken, world frame, metres.
+        position_world: Vec3,
+        /// Whether small strong lights far beyond its texels become suns (see [`RoomSun`]).
+        factor_sun: bool,
+    },
+}
+
+/// A linear picture of the room without virtual objects.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraPicture<'a> {
+    /// Radiance, of the lens's size.
+    pub radiance: &'a RadianceImage,
+    /// The camera's lens.
+    pub lens: Lens,
+    /// Where it was taken from.
+    pub world_from_camera: Pose,
+}
+
+/// A room made ready for shadows.
+pub struct KnownRoom {
+    /// As given.
+    pub room: Room,
+    /// Patches, sources, transfers and shafts.
+    pub field: NearField,
+    /// Suns that shine in; their light is in no patch.
+    pub suns: Vec<RoomSun>,
+    /// What was done.
+    pub report: RoomReport,
+}
+
+/// What was done to make a room ready; `NearField::report` has the rest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RoomReport {
+    /// Area of all faces, square metres.
+    pub area_m2: f32,
+    /// Patches asked for.
+    pub patches_wanted: usize,
+    /// Patches whose radiance was not seen by the probe and was filled in; 0 where it is given.
+    pub filled_patches: usize,
+}
+
+/// Makes a room ready. `progress` is told the share done, 0 to 1, from several threads, in no strict order. The result
+/// does not depend on the number of threads.
+///
+/// # Errors
+/// A setting out of range; no face that has an area; no patch with a radiance above zero; none that reflects; a probe
+/// that is not in the room.
+pub fn prepare(
+    room: Room,
+    how: &RoomSettings,
+    light: RoomLight<'_>,
+    camera: Option<&CameraPicture<'_>>,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<KnownRoom, RoomError> {
+    let area_m2 = area_m2(&room);
+    let subdivision = Subdivision { patches: patch_count(how, area_m2)?, ..Subdivision::default() };
+    let patches = match light {
+        RoomLight::Given | RoomLight::Probe { .. } => subdivide(&room, &subdivision, &|_| None)?,
+    };
+    let _ = camera;
+    progress(LIGHT_SHARE);
+    let rest = |share: f32| progress(LIGHT_SHARE + (1.0 - LIGHT_SHARE) * share);
+    let field = NearField::build(&room, patches, &how.preparation, &rest)?;
+    let report = RoomReport { area_m2, patches_wanted: subdivision.patches, filled_patches: 0 };
+    Ok(KnownRoom { room, field, suns: Vec::new(), report })
+}
+
+fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {
+    let Some(patch_m) = how.patch_m else { return Ok(Subdivision::default().patches) };
+    if !(PATCH_SIZES_M.0..=PATCH_SIZES_M.1).contains(&patch_m) {
+        let (value, allowed) = (patch_m.to_string(), "within 0.005 to 10 m");
+        return Err(RoomError::Setting { setting: "patch_m", value, allowed });
+    }
+    Ok(((area_m2 / (patch_m * patch_m)).round() as usize).clamp(1, MAX_PATCHES))
+}
+
+/// Of all faces that are finite.
+fn area_m2(room: &Room) -> f32 {
+    let of_face = |corners: &[Vec3], face: &Face| {
+        let at = |i: u32| corners.get(i as usize).copied();
+        let list = face.corners();
+        let triangles =
+            (1..list.len() - 1).filter_map(|k| Some([at(list[0])?, at(list[k])?, at(list[k + 1])?]));
+        triangles.map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length())).sum::<f64>()
+    };
+    let areas = room.surfaces.iter().flat_map(|s| s.faces.iter().map(|f| of_face(&s.corners_world, f)));
+    areas.filter(|a| a.is_finite()).sum::<f64>() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture;
+    use super::*;
+
+    fn given(how: &RoomSettings) -> Result<KnownRoom, RoomError> {
+        prepare(fixture::room(), how, RoomLight::Given, None, &|_| ())
+    }
+
+    #[test]
+    fn patches_are_as_large_as_asked_for() {
+        // Walls of 59 m2, a table of 2 m2 and a lamp.
+        let known = given(&RoomSettings { patch_m: Some(0.3), ..RoomSettings::default() }).unwrap();
+        assert!((known.report.area_m2 - 61.44).abs() < 0.01, "{}", known.report.area_m2);
+        assert_eq!(known.report.patches_wanted, 683);
+        assert_eq!(known.field.patches.patches.len(), 683);
+        assert!(known.suns.is_empty() && known.report.filled_patches == 0);
+    }
+
+    #[test]
+    fn a_size_out_of_range_is_refused() {
+        for patch_m in [0.0, -1.0, 11.0, f32::NAN] {
+            let error =
+                given(&RoomSettings { patch_m: Some(patch_m), ..RoomSettings::default() }).err().unwrap();
+            assert!(error.to_string().starts_with("room.patch_m = "), "{error}");
+        }
+    }
+}
