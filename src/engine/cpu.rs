@@ -2,9 +2,10 @@
 
 mod check;
 mod fragments;
+mod room;
 mod soft;
 
-pub(super) use check::{check, check_light};
+pub(super) use check::{check, check_light, check_room};
 pub(super) use fragments::coarse_lens;
 
 use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
@@ -32,11 +33,14 @@ use crate::model::{
     response::Response,
     scene::Scene,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{FramePlan, Pass, PassTiming};
 use crate::visibility::{blockers::Blockers, shadow_maps::ShadowMaps};
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
 use rayon::prelude::*;
+use room::RoomWork;
+use std::sync::Arc;
 
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
@@ -89,6 +93,7 @@ pub(super) struct Work {
     pub(super) object_layer: Image<[f32; 4]>,
     pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
+    pub(super) room: RoomWork,
 }
 
 impl CpuEngine {
@@ -117,7 +122,13 @@ impl Engine for CpuEngine {
         format!("cpu, {} threads", self.pool.current_num_threads())
     }
 
+    fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError> {
+        self.work.room.take(room);
+        Ok(())
+    }
+
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        check_room(scene, &self.work.room)?;
         self.work.load(scene);
         Ok(())
     }
@@ -192,6 +203,9 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
+        if scene.room.is_some() {
+            self.room.place(&self.objects, &mut self.surfaces);
+        }
         self.seen_from = None;
         self.planes.find(&self.surfaces);
         self.reflected.load(&self.surfaces);
@@ -234,6 +248,11 @@ impl Work {
                 Pass::SoftShadow => {
                     timed(timings, planned.pass, || self.soft_shadow(input, &view, &light, &plan.quality));
                     soft_drawn = true;
+                }
+                Pass::PointMaps => timed(timings, planned.pass, || self.point_maps(input, &plan.quality)),
+                Pass::Subtract => {
+                    timed(timings, planned.pass, || self.subtract(input, &view, &light, &plan.quality));
+                    ratio_drawn = true;
                 }
                 Pass::ShadeObject => {
                     timed(timings, planned.pass, || {

@@ -5,6 +5,7 @@
 pub mod error;
 pub mod field;
 pub mod form_factor;
+pub mod frame;
 pub mod intensity;
 pub mod marks;
 pub mod octree;
@@ -15,6 +16,8 @@ pub mod sets;
 pub mod shadow_edges;
 pub mod shaft;
 pub mod shafts;
+pub mod subtract;
+pub mod sun;
 pub mod transfer;
 pub mod two_sets;
 

@@ -78,6 +78,15 @@ pub struct KnownRoom {
     pub report: RoomReport,
 }
 
+impl std::fmt::Debug for KnownRoom {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("KnownRoom")
+            .field("suns", &self.suns)
+            .field("report", &self.report)
+            .finish_non_exhaustive()
+    }
+}
+
 /// What was done to make a room ready; `NearField::report` has the rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RoomReport {

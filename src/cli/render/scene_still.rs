@@ -155,6 +155,7 @@ pub fn of_scene(
         response,
         exposure_s,
         quantity: Quantity::Radiance,
+        room: None,
         view: PictureView::Final,
         samples: total.map_or_else(RadianceSamples::default, |(_, samples)| samples),
     })

@@ -24,8 +24,10 @@ use crate::{
         response::Response,
         scene::Scene,
     },
+    nearfield::prepare::KnownRoom,
     plan::{FramePlan, Pass, PassTiming},
 };
+use std::sync::Arc;
 
 /// The engine on wgpu. Kernels are compiled when they are first called for.
 pub struct GpuEngine {
@@ -127,9 +129,13 @@ impl Engine for GpuEngine {
         format!("gpu: {}{on_cpu}", self.context.description())
     }
 
-    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
-        self.relighter.load(scene);
+    fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError> {
+        self.relighter.take_room(room);
         Ok(())
+    }
+
+    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        self.relighter.load(scene)
     }
 
     fn merge_bracket(

@@ -25,8 +25,10 @@ use crate::{
     },
     engine::{EngineError, RelightInput, cpu},
     model::{picture::Picture, quality::SoftAt, scene::Scene},
+    nearfield::prepare::KnownRoom,
     plan::{FramePlan, Pass},
 };
+use std::sync::Arc;
 
 /// The kernel in a slot, compiled on first use.
 pub fn ready<'a, K>(
@@ -74,9 +76,16 @@ impl Relighter {
     }
 
     /// Takes the scene; it goes to the device with the next frame.
-    pub fn load(&mut self, scene: &Scene) {
+    pub fn load(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        cpu::check_room(scene, &self.twins.room)?;
         self.twins.load(scene);
         self.scene.invalidate();
+        Ok(())
+    }
+
+    /// Takes a known room, or none, for the scenes to come.
+    pub fn take_room(&mut self, room: Option<Arc<KnownRoom>>) {
+        self.twins.room.take(room);
     }
 
     /// Draws one frame; `on_cpu` says which passes run on their twins.
@@ -183,6 +192,12 @@ impl Relighter {
                         )?;
                         exchange.soft_place = Place::Device;
                     }
+                }
+                Pass::PointMaps => recorder.host(pass, || twins.point_maps(input, quality)),
+                Pass::Subtract => {
+                    exchange.shadow_to_host(&mut recorder, twins)?;
+                    recorder.host(pass, || twins.subtract(input, &camera, &light, quality));
+                    exchange.ratio_place = Place::Host;
                 }
                 Pass::ShadeObject if host => {
                     exchange.shadow_to_host(&mut recorder, twins)?;
