@@ -61,6 +61,7 @@ fn spheres_alone(spheres: &[(Vec3, f32)]) -> Scene {
         surfaces: vec![surface("ground", shapes::plane_z0(50.0)), surface("mound", mound)],
         figures: vec![Figure::still("pile".into(), 0, Affine3A::IDENTITY, spheres.iter().copied())],
         transfer: None,
+        room: None,
     }
 }
 
@@ -314,6 +315,7 @@ fn moving() -> Scene {
         surfaces: vec![surface("ground", shapes::plane_z0(50.0))],
         figures: vec![goes],
         transfer: None,
+        room: None,
     }
 }
 

@@ -94,6 +94,8 @@ pub(super) struct Work {
     pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
     pub(super) room: RoomWork,
+    /// Whether the scene stands in the room.
+    stands_in_room: bool,
 }
 
 impl CpuEngine {
@@ -203,7 +205,8 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
-        if scene.room.is_some() {
+        self.stands_in_room = scene.room.is_some();
+        if self.stands_in_room {
             self.room.place(&self.objects, &mut self.surfaces);
         }
         self.seen_from = None;
@@ -318,6 +321,7 @@ impl Work {
             quality,
         });
         self.moved = false;
+        self.light_by_room();
     }
 
     pub(super) fn shade_object(

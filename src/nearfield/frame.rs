@@ -49,6 +49,8 @@ pub struct NearFrame {
     boxes: Vec<Aabb>,
     maps: PointMaps,
     places: Vec<LightPlaces>,
+    /// Radiant intensity of each light along its normal: sum of radiance times area.
+    intensities: Vec<[f32; 3]>,
     /// For each triangle where its lights begin and end in `listed`.
     ranges: Vec<[u32; 2]>,
     listed: Vec<u16>,
@@ -80,6 +82,9 @@ impl NearFrame {
         self.vertices = field.patches.vertices.len();
         let hard = quality.places <= 1;
         let place = |light: &Representative| if hard { light.centre_world } else { light.middle_world };
+        self.intensities.clear();
+        let (marks, chosen) = (&self.marks, self.chosen.near());
+        self.intensities.extend(chosen.iter().map(|light| intensity(field, marks, light)));
         self.maps.fit(self.chosen.near().iter().map(place), &self.casters, quality.texels);
         self.places.clear();
         let cameras = self.maps.cameras();
@@ -157,6 +162,11 @@ impl NearFrame {
         &mut self.maps
     }
 
+    /// What each light sends straight ahead: radiance times area of its marked sources, linear RGB.
+    pub fn intensities(&self) -> &[[f32; 3]] {
+        &self.intensities
+    }
+
     /// What each light's filter goes over.
     pub fn places(&self) -> &[LightPlaces] {
         &self.places
@@ -187,6 +197,17 @@ impl NearFrame {
     pub fn marks(&self) -> &Marks {
         &self.marks
     }
+}
+
+fn intensity(field: &NearField, marks: &Marks, light: &Representative) -> [f32; 3] {
+    let node = field.source_tree.nodes()[light.node as usize];
+    let mut sum = [0.0f32; 3];
+    for index in (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s)) {
+        let source = &field.sources[index];
+        let area_m2 = field.patches.patches[source.patch as usize].area_m2;
+        sum.iter_mut().zip(source.radiance_rgb).for_each(|(sum, l)| *sum += l * area_m2);
+    }
+    sum
 }
 
 /// How far a light's places move what a map is read at, metres at the light.

@@ -3,6 +3,7 @@
 use super::{
     error::RoomError,
     field::{NearField, Preparation},
+    irradiance::{IrradianceVolume, VolumeSettings},
     patches::{MAX_PATCHES, Subdivision, subdivide},
 };
 use crate::{
@@ -72,6 +73,8 @@ pub struct KnownRoom {
     pub room: Room,
     /// Patches, sources, transfers and shafts.
     pub field: NearField,
+    /// The room's light everywhere in it, but for the suns.
+    pub volume: IrradianceVolume,
     /// Suns that shine in; their light is in no patch.
     pub suns: Vec<RoomSun>,
     /// What was done.
@@ -121,7 +124,8 @@ pub fn prepare(
     let rest = |share: f32| progress(LIGHT_SHARE + (1.0 - LIGHT_SHARE) * share);
     let field = NearField::build(&room, patches, &how.preparation, &rest)?;
     let report = RoomReport { area_m2, patches_wanted: subdivision.patches, filled_patches: 0 };
-    Ok(KnownRoom { room, field, suns: Vec::new(), report })
+    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
+    Ok(KnownRoom { room, field, volume, suns: Vec::new(), report })
 }
 
 fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {

@@ -20,6 +20,7 @@ mod primitive;
 mod skeleton;
 mod source;
 pub mod write;
+pub mod write_room;
 
 pub use figure::{DEFAULT_SPHERES, LoadedFigure, decode_figure, load_figure};
 

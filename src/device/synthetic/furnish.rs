@@ -1,7 +1,8 @@
 //! What stands in the room. World frame: the table's top is z = 0, the tag lies at the origin; metres.
 
 use super::{
-    paint::Paint,
+    options::Subject,
+    paint::{BOARD_SIDE_M, Paint},
     room::{Lamp, Solid, Window},
     shapes::Shape,
 };
@@ -28,8 +29,11 @@ const FLOOR: f64 = -0.74;
 const CEILING: f64 = 1.86;
 const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 
+/// Where the board with the tag stands (the middle of its foot) and how it is turned about z, degrees, in the view of the room.
+pub const BOARD: ([f64; 3], f64) = ([0.36, 0.26, 0.0], -14.0);
+
 /// The whole room.
-pub fn furnish() -> Plan {
+pub fn furnish(view: Subject) -> Plan {
     let lamp_centre = DVec3::new(-1.30, 0.64, 1.58);
     let lamp = Lamp {
         centre: lamp_centre,
@@ -53,10 +57,16 @@ pub fn furnish() -> Plan {
     furniture(&mut solids, &mut groups);
     let table = solids.len();
     groups.push(table);
-    table_with_legs(&mut solids);
+    table_with_legs(&mut solids, view);
     let first_on_table = solids.len();
     groups.push(first_on_table);
     on_the_table(&mut solids);
+    if view == Subject::Room {
+        solids.push(Solid::new(
+            Shape::standing(BOARD.0, [BOARD_SIDE_M, 0.02, BOARD_SIDE_M], BOARD.1),
+            &[Paint::Plain(DVec3::splat(0.6)), Paint::Plain(DVec3::splat(0.6)), Paint::TagBoard],
+        ));
+    }
     solids.push(Solid {
         mirror: true,
         ..Solid::new(
@@ -169,11 +179,15 @@ fn furniture(solids: &mut Vec<Solid>, groups: &mut Vec<usize>) {
     solids.push(Solid::new(Shape::block([0.10, -1.4, 0.40], [1.10, -1.375, 1.05]), &picture(14)));
 }
 
-fn table_with_legs(solids: &mut Vec<Solid>) {
+fn table_with_legs(solids: &mut Vec<Solid>, view: Subject) {
     let edge = Paint::Mottled(DVec3::new(0.34, 0.22, 0.12), 0.15);
+    let top = match view {
+        Subject::Desk => Paint::TableTop,
+        Subject::Room => Paint::BareTable,
+    };
     solids.push(Solid::new(
         Shape::block([-0.62, -0.40, -0.032], [0.62, 0.46, 0.0]),
-        &[edge, edge, edge, edge, edge, Paint::TableTop],
+        &[edge, edge, edge, edge, edge, top],
     ));
     for (x, y) in [(-0.58, -0.36), (0.52, -0.36), (-0.58, 0.36), (0.52, 0.36)] {
         solids.push(Solid::new(Shape::block([x, y, FLOOR], [x + 0.06, y + 0.06, -0.032]), &[edge]));

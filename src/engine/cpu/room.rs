@@ -10,7 +10,9 @@ use crate::{
     model::quality::Quality,
     nearfield::{
         frame::{NearFrame, NearQuality},
+        objects as near_objects,
         prepare::KnownRoom,
+        shaft::Aabb,
         subtract::{self, RoomPoint, SubtractFrame},
         sun::Suns,
     },
@@ -23,6 +25,8 @@ use std::sync::Arc;
 const SUN_TEXELS: u32 = 1024;
 /// Near lights' maps have this share of `Quality::shadow_map_texels` a side: 256 of 1024, as in [Gib03].
 const NEAR_TEXELS_DIVISOR: u32 = 4;
+/// A vertex looks for its own shadow from this share of its object's size before the surface.
+const CLEARANCE: f32 = 0.01;
 /// Neighbours that are handed on together.
 const RUN: usize = 32;
 
@@ -104,7 +108,31 @@ impl RoomWork {
     }
 }
 
+impl RoomWork {
+    /// What a white surface radiates at a vertex of an object in the room's light; the maps must be drawn.
+    fn white_at(
+        &self,
+        known: &KnownRoom,
+        objects: &ObjectGeometry,
+        object: usize,
+        vertex: usize,
+    ) -> [f32; 3] {
+        let (point, normal) = (objects.positions[vertex], objects.normals[vertex]);
+        let size = self.frame.boxes().get(object).map_or(0.0, Aabb::diagonal);
+        // Out of reach of its own stand-in.
+        let before = point + normal * size * (self.proxies.error() + CLEARANCE);
+        near_objects::white_at(&known.volume, &self.frame, before, normal, objects.tint_openness[vertex][3])
+    }
+}
+
 impl Work {
+    /// Lights the objects' vertices by the room, where the scene stands in one.
+    pub(in crate::engine) fn light_by_room(&mut self) {
+        let Some(known) = self.room.known().filter(|_| self.stands_in_room).cloned() else { return };
+        let (room, objects) = (&self.room, &self.objects);
+        self.transferred.put(|object, vertex| room.white_at(&known, objects, object, vertex));
+    }
+
     pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         self.room.find_lights(&self.objects, input, quality);
         self.room.draw_maps();
