@@ -110,6 +110,21 @@ fn apart(device: &Picture, twin: &Picture) -> Apart {
     }
 }
 
+/// What is allowed for a pass on the device (`None`: both), about twice what was measured on llvmpipe.
+fn allowed(own: Option<Pass>, places: u32) -> Apart {
+    // A texel that changes sides is all of a hard light, and a share of a light that is read at several places.
+    let worst = if places == 1 { 0.5 } else { 0.04 };
+    match own {
+        // Sums of f32 in the same order; a tap at the border of a texel falls on either side. Edges that are bent through
+        // the lens are drawn as short straight ones: measured 1e-3 there, no pixel elsewhere but 5e-5.
+        Some(Pass::Subtract) => Apart { share: 2e-3, worst: 0.5 * worst, energy: 1e-4 },
+        // Edges that run through the middles of a whole column of texels belong to it on the twin and not on the device:
+        // measured 7e-3 of the pixels and 1.7e-3 of the light for one such edge of the box in one of 20 maps; depths are
+        // apart by up to 1e-4, for the twin's corners lie on 1/256 of a texel.
+        _ => Apart { share: 0.015, worst, energy: 3.5e-3 },
+    }
+}
+
 const ROOM: [Pass; 2] = [Pass::PointMaps, Pass::Subtract];
 
 fn matches(backend: Backend) {
@@ -160,13 +175,12 @@ fn matches(backend: Backend) {
             let found = apart(&device, &twin);
             let what = format!("{name}, {}, {spread:?}: {found:?}", own.map_or("both", Pass::name));
             println!("{what}");
-            assert!(found.share < 1.0, "{what}");
+            let most = allowed(own, quality.pcf_taps);
+            assert!(found.share <= most.share && found.worst <= most.worst, "{what}, allowed {most:?}");
+            assert!(found.energy.abs() <= most.energy, "{what}, allowed {most:?}");
             assert_eq!(shot.draw(&mut engine).radiance, device.radiance, "{what}: the same every time");
         }
     }
-    let mut timings = Vec::new();
-    engine.take_timings(&mut timings);
-    println!("{timings:?}");
 }
 
 #[test]
