@@ -54,7 +54,11 @@ pub fn room(plan: &Plan) -> Room {
     }
     let w = &plan.window;
     let at = |u: f64, v: f64| w.point(DVec2::new(u, v)) + DVec3::X * PANE_M;
-    surfaces.push(quad("window".into(), [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)], DVec3::ZERO));
+    surfaces.push(quad(
+        "window".into(),
+        [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)],
+        DVec3::ZERO,
+    ));
     Room { surfaces }
 }
 
@@ -102,13 +106,7 @@ fn globe(name: &str, centre: DVec3, radius: f64) -> RoomSurface {
             }
         }
     }
-    RoomSurface {
-        name: name.into(),
-        corners_world,
-        faces,
-        reflectance_rgb: [0.0; 3],
-        emitted_rgb: [0.0; 3],
-    }
+    RoomSurface { name: name.into(), corners_world, faces, reflectance_rgb: [0.0; 3], emitted_rgb: [0.0; 3] }
 }
 
 /// Mean over a few places of a side.

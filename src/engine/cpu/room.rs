@@ -68,6 +68,16 @@ impl RoomWork {
         self.known.as_ref()
     }
 
+    /// Triangles of the objects' stand-ins, corners as numbers of the frame's casters.
+    pub(in crate::engine) fn casters(&self) -> &[[u32; 3]] {
+        self.proxies.triangles()
+    }
+
+    /// Number of the room's first triangle among the surfaces, and its triangles' corners as vertices of the room.
+    pub(in crate::engine) fn triangles(&self) -> (usize, &[[u32; 3]]) {
+        (self.first_triangle, &self.triangles)
+    }
+
     /// Finds the frame's lights and fits their maps.
     pub(in crate::engine) fn find_lights(
         &mut self,

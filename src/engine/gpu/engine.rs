@@ -4,6 +4,7 @@ use super::{
     context::{Backend, GpuContext},
     kernels::TABLE,
     passes::{merge_bracket::MergeBracket, project_sh::ProjectSh, unwrap_ball::UnwrapBall},
+    point_pages::Spread,
     recorder::Timer,
     relight::{Relighter, ready},
 };
@@ -75,6 +76,12 @@ impl GpuEngine {
             self.on_cpu[known.pass as usize] = true;
         }
         Ok(self)
+    }
+
+    /// Draws the near lights' maps of a known room all together or each in a pass of its own; the pictures are the same.
+    pub fn with_near_maps(mut self, spread: Spread) -> Self {
+        self.relighter.spread = spread;
+        self
     }
 
     /// Where the work runs.

@@ -72,7 +72,15 @@ impl Kernel {
 
     /// Whether it draws (has vertex and fragment stages) rather than computes.
     pub const fn draws(&self) -> bool {
-        matches!(self.pass, Pass::ShadowMaps | Pass::SoftShadow | Pass::ShadeObject | Pass::ShadeSurface)
+        matches!(
+            self.pass,
+            Pass::ShadowMaps
+                | Pass::SoftShadow
+                | Pass::PointMaps
+                | Pass::Subtract
+                | Pass::ShadeObject
+                | Pass::ShadeSurface
+        )
     }
 
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {

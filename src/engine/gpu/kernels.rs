@@ -96,6 +96,54 @@ pub const SOFT_SHADOW: Kernel = Kernel {
     ],
 };
 
+/// `visibility/point_maps`: depths of the stand-ins from many lights at once, an instance and a tile each.
+pub const POINT_MAPS: Kernel = Kernel {
+    pass: Pass::PointMaps,
+    sources: &[source!("shared/point_camera"), source!("visibility/point_maps")],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("page", BindingKind::UniformAtOffset),
+    ],
+    structs: &[params::PointCamera::LAYOUT, params::PointCameras::LAYOUT, params::PointPage::LAYOUT],
+};
+
+/// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio; loops over its lights.
+pub const SUBTRACT: Kernel = Kernel {
+    pass: Pass::Subtract,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/point_camera"),
+        source!("shared/point_lookup"),
+        source!("nearfield/subtract"),
+    ],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("cameras_near", BindingKind::Uniform),
+        Binding::new("lights", BindingKind::Uniform),
+        Binding::new("point_maps", BindingKind::UintLayers),
+        Binding::new("ranges", BindingKind::Uints),
+        Binding::new("listed", BindingKind::Floats),
+        Binding::new("suns", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("room_cameras", BindingKind::Uniform),
+        Binding::new("room_maps", BindingKind::UintLayers),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::PointCamera::LAYOUT,
+        params::PointCameras::LAYOUT,
+        params::PointLights::LAYOUT,
+        params::SunTerms::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+    ],
+};
+
 /// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
 pub const SHADE_OBJECT: Kernel = Kernel {
     pass: Pass::ShadeObject,
@@ -189,12 +237,14 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 9] = [
+pub const TABLE: [&Kernel; 11] = [
     &MERGE_BRACKET,
     &UNWRAP_BALL,
     &PROJECT_SH,
     &SHADOW_MAPS,
     &SOFT_SHADOW,
+    &POINT_MAPS,
+    &SUBTRACT,
     &SHADE_OBJECT,
     &SHADE_SURFACE,
     &COMPOSITE,

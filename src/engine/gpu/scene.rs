@@ -29,14 +29,15 @@ const SHORTEST_CUT_M: f32 = 1e-3;
 const MOST_TRIANGLES: usize = 400_000;
 
 /// Indexed triangles on the device.
-struct Mesh {
+pub struct Mesh {
     vertices: GrowingBuffer,
     indices: GrowingBuffer,
     count: u32,
 }
 
 impl Mesh {
-    const fn new() -> Self {
+    /// None yet.
+    pub const fn new() -> Self {
         let usage = wgpu::BufferUsages::VERTEX;
         Self {
             vertices: GrowingBuffer::new("vertices", usage),
@@ -45,10 +46,19 @@ impl Mesh {
         }
     }
 
-    fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
+    /// Uploads.
+    pub fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
         self.vertices.write(context, bytemuck::cast_slice(vertices));
         self.indices.write(context, bytemuck::cast_slice(triangles));
         self.count = 3 * triangles.len() as u32;
+    }
+
+    /// Draws all of it, so many times.
+    pub fn draw(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>, instances: u32) {
+        if self.count > 0 && instances > 0 {
+            self.bind(context, pass);
+            pass.draw_indexed(0..self.count, 0, 0..instances);
+        }
     }
 
     fn bind(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
@@ -253,10 +263,7 @@ impl SceneBuffers {
 
     /// Draws all that casts shadows.
     pub fn draw_casters(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.casters.count > 0 {
-            self.casters.bind(context, pass);
-            pass.draw_indexed(0..self.casters.count, 0, 0..1);
-        }
+        self.casters.draw(context, pass, 1);
     }
 
     /// Draws the objects of one material after the other; `select` binds a material by its number.
@@ -279,10 +286,7 @@ impl SceneBuffers {
 
     /// Draws all real surfaces.
     pub fn draw_surfaces(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.surfaces.count > 0 {
-            self.surfaces.bind(context, pass);
-            pass.draw_indexed(0..self.surfaces.count, 0, 0..1);
-        }
+        self.surfaces.draw(context, pass, 1);
     }
 
     /// Uploads the grid of a frame; `cut`: if the lens has distortion.
@@ -301,10 +305,7 @@ impl SceneBuffers {
 
     /// Draws the grid.
     pub fn draw_grid(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.grid.count > 0 {
-            self.grid.bind(context, pass);
-            pass.draw_indexed(0..self.grid.count, 0, 0..1);
-        }
+        self.grid.draw(context, pass, 1);
     }
 
     /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
@@ -346,7 +347,8 @@ fn box_around(positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
     Some(finite.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
 }
 
-fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+/// Half way between.
+pub fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
 }
 
@@ -377,7 +379,7 @@ impl Halve for SurfaceVertex {
 }
 
 /// Halves every edge that looks longer than a limit from the eye, and leaves out what is not in view.
-fn cut_long_edges<V: Halve, T: Copy>(
+pub fn cut_long_edges<V: Halve, T: Copy>(
     halving: &mut Halving,
     vertices: &mut Vec<V>,
     triangles: &[([u32; 3], T)],
