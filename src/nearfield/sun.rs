@@ -4,7 +4,7 @@
 use super::prepare::KnownRoom;
 use crate::{
     model::{light::HardLight, room::Room},
-    visibility::shadow_maps::ShadowMaps,
+    visibility::shadow_maps::{Receivers, ShadowMaps},
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -38,7 +38,7 @@ impl Suns {
             };
             let (positions, triangles) = without(&known.room, &sun.apertures);
             let mut room = ShadowMaps::default();
-            room.fit(&[light], &positions, &triangles, texels, ROOM_TAPS);
+            room.fit(&[light], &positions, &triangles, &Receivers::default(), texels, ROOM_TAPS);
             room.draw(&positions, &triangles);
             Sun { light, room }
         }));
