@@ -133,8 +133,12 @@ impl Work {
         self.transferred.put(|object, vertex| room.white_at(&known, objects, object, vertex));
     }
 
-    pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+    pub(in crate::engine) fn find_room_lights(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         self.room.find_lights(&self.objects, input, quality);
+    }
+
+    pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+        self.find_room_lights(input, quality);
         self.room.draw_maps();
     }
 

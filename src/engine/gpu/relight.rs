@@ -132,7 +132,17 @@ impl Relighter {
                 self.scene.moved(vertices.clone());
             }
         }
-        if plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject) {
+        let shades_objects = plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject);
+        if plan.has(Pass::PointMaps) {
+            timer.host(Pass::PointMaps, || {
+                self.twins.find_room_lights(input, quality);
+                // Vertices look for the room's light here.
+                if shades_objects || on_cpu(Pass::PointMaps) {
+                    self.twins.room.draw_maps();
+                }
+            });
+        }
+        if shades_objects {
             self.twins.prepare_vertices(input, &camera, &light, quality);
             for vertices in self.twins.transferred.changed() {
                 self.scene.moved(vertices);
@@ -211,11 +221,9 @@ impl Relighter {
                     }
                 }
                 Pass::PointMaps if host => {
-                    recorder.host(pass, || twins.point_maps(input, quality));
                     exchange.point_place = Place::Host;
                 }
                 Pass::PointMaps => {
-                    recorder.host(pass, || twins.room.find_lights(&twins.objects, input, quality));
                     let kernel = ready(&mut self.point_maps, context, PointMaps::new)?;
                     let (frame, triangles) = (&twins.room.frame, twins.room.casters());
                     kernel.run(&mut recorder, frame, triangles, self.spread, &mut exchange.point_maps)?;
