@@ -34,10 +34,11 @@ const LAYERS: [(&str, u8); 19] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 6] = [
+const DRAWN: [(&str, &str); 7] = [
     ("compose", "visibility"),
     ("light", "sources"),
     ("nearfield", "sources"),
+    ("nearfield", "light"),
     ("cli", "daemon"),
     ("cli", "config"),
     ("daemon", "config"),

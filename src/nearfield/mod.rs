@@ -3,18 +3,24 @@
 //! `sources` cuts the marked sources into representatives.
 
 pub mod error;
+pub mod faces;
 pub mod field;
+pub mod fill;
 pub mod form_factor;
 pub mod intensity;
 pub mod marks;
 pub mod octree;
 pub mod patches;
 pub mod prepare;
+pub mod probe;
+pub mod reflectance;
 pub mod representatives;
 pub mod sets;
 pub mod shadow_edges;
 pub mod shaft;
 pub mod shafts;
+pub mod soundness;
+pub mod suns;
 pub mod transfer;
 pub mod two_sets;
 
