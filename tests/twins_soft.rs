@@ -170,15 +170,12 @@ fn every_rung(backend: Backend) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(mut engine) = only_soft_shadow(&format!("rungs on {}", backend.name()), backend) else { return };
     let mut cpu = CpuEngine::new(None).expect("threads");
-    let lower = [2, 3].into_iter().flat_map(|order| [(Rung::Linear, order), (Rung::Chain, order)]);
-    let directions = [2, 6].map(|order| (Rung::Directions, order));
-    let cases = Rung::ALL.map(|rung| (rung, 4)).into_iter().chain(lower).chain(directions);
-    for (rung, order) in cases {
+    for (rung, order) in (2..=6).flat_map(|order| Rung::ALL.map(|rung| (rung, order))) {
         let quality =
             Quality { rung, sh_order: order, soft_step_px: 1, coverage_samples: 1, ..Quality::default() };
         let mut shot = Shot::new(spheres_alone(&body()), soft_light(order), &quality);
         assert!(fits(rung, order, shot.posed.spheres()), "else the twin runs in the device's stead");
-        assert!(!shot.plan.passes.iter().any(|p| p.reason.contains("no shader")));
+        assert!(!shot.plan.passes.iter().any(|p| p.reason.contains("CPU")));
         let (twin, device) = (shot.draw(&mut cpu), shot.draw(&mut engine));
         let (apart, worst, smallest) = compare(&device, &twin);
         println!("{} order {order}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}", rung.name());
@@ -234,25 +231,29 @@ fn piles(backend: Backend) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(mut engine) = only_soft_shadow(&format!("piles on {}", backend.name()), backend) else { return };
     let mut cpu = CpuEngine::new(None).expect("threads");
-    for (count, spread_m) in [(64, 0.0), (64, 0.1), (200, 0.0), (200, 0.1)] {
-        for rung in Rung::ALL {
-            let quality = Quality { rung, soft_step_px: 2, coverage_samples: 1, ..Quality::default() };
-            let shot = Shot::new(spheres_alone(&pile(count, spread_m)), soft_light(4), &quality);
+    let orders = |count| if count == 200 { 2..=6 } else { 4..=4 };
+    for (count, spread_m) in [(64, 0.0), (64, 0.1), (200, 0.0), (200, 0.1), (270, 0.1)] {
+        for (rung, order) in orders(count).flat_map(|order| Rung::ALL.map(|rung| (rung, order))) {
+            let quality =
+                Quality { rung, sh_order: order, soft_step_px: 2, coverage_samples: 1, ..Quality::default() };
+            let shot = Shot::new(spheres_alone(&pile(count, spread_m)), soft_light(order), &quality);
             let (twin, device) = (shot.draw(&mut cpu), shot.draw(&mut engine));
             let (apart, worst, smallest) = compare(&device, &twin);
-            let pile = format!("{count} spheres within {spread_m} m, {}", rung.name());
+            let pile = format!("{count} spheres within {spread_m} m, {} order {order}", rung.name());
             println!("{pile}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}");
             assert!(smallest < 0.95, "{pile}: hardly any shadow");
-            let on_device = fits(rung, 4, shot.posed.spheres());
-            assert_eq!(on_device, count == 64 || (spread_m == 0.0 && rung != Rung::Directions), "{pile}");
-            // Measured 1.2e-5 for one sphere many times (the others lie in it), 1.1e-4 where each direction is tested
-            // against all. Among 64 different ones, whether one lies in another is decided by the last digit for some
-            // receivers: that is a factor of up to 1.01 (`dc`: 0.7 % of the light measured, the others 0.1 %).
+            let on_device = fits(rung, order, shot.posed.spheres());
+            assert_eq!(on_device, count <= 256, "{pile}");
+            // Measured 1.2e-5 for one sphere many times (the others lie in it), 5.2e-4 where each direction is tested
+            // against all. Among different ones the last digit decides for some receivers whether one lies in another,
+            // and each that counts is a factor: of up to 1.01 for 64 of them (`dc` 0.7 % of the light, the others 0.1 %),
+            // of more where 200 stand near the limits of `linear` (2 %) and `hybrid` (0.5 %).
             let most = match rung {
                 _ if !on_device => 0.0,
-                Rung::Dc if spread_m > 0.0 => 1.5e-2,
+                Rung::Directions => 8e-4,
+                Rung::Linear if count == 200 && spread_m > 0.0 => 4e-2,
+                Rung::Dc | Rung::Hybrid if spread_m > 0.0 => 1.5e-2,
                 _ if spread_m > 0.0 => 2.5e-3,
-                Rung::Directions => 4e-4,
                 _ => 5e-5,
             };
             assert!(worst <= most, "{pile}: {worst:e}");

@@ -4,15 +4,13 @@
 // Twin: src/compose/soft_shadow.rs (over src/visibility/blockers).
 
 struct SoftTerms {
-    // Order of the light, spheres, directions, 0.
+    // Directions, 0, 0, 0.
     counts: vec4<u32>,
     // h, sin(h/2), 4 pi / N, 0.
     softness: vec4<f32>,
     // sqrt(4 pi / (2 l + 1)) z_l of Lambert: bands 0 to 3, and 4 to 5.
     bands_low: vec4<f32>,
     bands_high: vec4<f32>,
-    // Centres (world, metres) and radii.
-    spheres: array<vec4<f32>, 64>,
     // Unit directions, four by four: x of four of them, y, z.
     directions: array<vec4<f32>, 192>,
     // Mean of y_i over the directions (0 for i = 0), four a row.
@@ -37,7 +35,8 @@ const SAME_NORMAL = 0.9999998;
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> soft: SoftTerms;
 @group(0) @binding(2) var<uniform> blockers: BlockerTerms;
-@group(0) @binding(3) var<uniform> planes: PlaneTerms;
+@group(0) @binding(3) var<uniform> tables: BlockerTables;
+@group(0) @binding(4) var<uniform> planes: PlaneTerms;
 
 struct Seen {
     @builtin(position) clip: vec4<f32>,
@@ -89,7 +88,7 @@ fn interpolated(seen: Seen) -> @location(0) vec4<u32> {
     return picture(seen, seen.taken);
 }
 
-// Rung `directions`, orders 1 to 6.
+// Rung `directions`.
 @fragment
 fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
     var out = vec3<f32>(0.0);
@@ -100,7 +99,7 @@ fn fragment(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4
     return picture(seen, out);
 }
 
-// The other rungs, orders 1 to 4.
+// The other rungs.
 @fragment
 fn ladder(seen: Seen, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
     var out = vec3<f32>(0.0);
@@ -123,11 +122,14 @@ fn laddered(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     var blocked = blocker_blocked(point_world, normal, NO_BODY);
     let first = plane_of(normal);
     if first == NO_PLANE {
-        return radiated(blocked, array<f32, 20>(), normal);
+        return radiated(blocked, normal);
     }
     var out = vec3<f32>(0.0);
-    for (var i = 0u; i < 16u; i += 1u) {
-        out += blocked[i] * planes.weights[first + i].xyz;
+    for (var row = 0u; row < (SH_ORDER * SH_ORDER + 3u) / 4u; row += 1u) {
+        let at = first + 4u * row;
+        let four = blocked[row];
+        out += four.x * planes.weights[at].xyz + four.y * planes.weights[at + 1u].xyz
+            + four.z * planes.weights[at + 2u].xyz + four.w * planes.weights[at + 3u].xyz;
     }
     return out;
 }
@@ -158,7 +160,7 @@ fn plane_of(normal: vec3<f32>) -> u32 {
 // The rung `directions` on a plane: no harmonics.
 fn taken_on_plane(first: u32, point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var j = 0u; j < soft.counts.z; j += 8u) {
+    for (var j = 0u; j < soft.counts.x; j += 8u) {
         let blocked = blocked_eight(j, point_world, normal);
         for (var k = 0u; k < 4u; k += 1u) {
             sum += blocked[0][k] * planes.weights[first + j + k].xyz;
@@ -180,8 +182,8 @@ fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec
     let bz = soft.directions[at + 5u];
     var a = vec4<f32>(1.0);
     var b = vec4<f32>(1.0);
-    for (var s = 0u; s < soft.counts.y; s += 1u) {
-        let sphere = soft.spheres[s];
+    for (var s = 0u; s < blockers.counts.x; s += 1u) {
+        let sphere = blockers.spheres[s];
         let to = sphere.xyz - point_world;
         let square = dot(to, to);
         // Wholly under the horizon, or not in reach of any direction.
@@ -200,7 +202,7 @@ fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec
         }
     }
     let number = vec4<u32>(j) + vec4<u32>(0u, 1u, 2u, 3u);
-    let count = vec4<u32>(soft.counts.z);
+    let count = vec4<u32>(soft.counts.x);
     return array<vec4<f32>, 2>(
         select(vec4<f32>(0.0), vec4<f32>(1.0) - a, number < count),
         select(vec4<f32>(0.0), vec4<f32>(1.0) - b, number + vec4<u32>(4u) < count),
@@ -208,93 +210,46 @@ fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec
 }
 
 fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    var low: array<f32, 16>;
-    var high: array<f32, 20>;
+    var blocked = Sh();
     var all = 0.0;
-    for (var j = 0u; j < soft.counts.z; j += 8u) {
+    for (var j = 0u; j < soft.counts.x; j += 8u) {
         var eight = blocked_eight(j, point_world, normal);
         for (var k = 0u; k < 8u; k += 1u) {
-            let blocked = eight[k / 4u][k % 4u];
-            if blocked > 0.0 {
-                all += blocked;
+            let share = eight[k / 4u][k % 4u];
+            if share > 0.0 {
+                all += share;
                 let at = 3u * ((j + k) / 4u);
                 let w = vec3<f32>(
                     soft.directions[at][k % 4u],
                     soft.directions[at + 1u][k % 4u],
                     soft.directions[at + 2u][k % 4u],
                 );
-                let y = sh_low(w);
-                for (var i = 0u; i < 16u; i += 1u) {
-                    low[i] += blocked * y[i];
-                }
-                if soft.counts.x > 4u {
-                    let h = sh_high(w);
-                    for (var i = 0u; i < 20u; i += 1u) {
-                        high[i] += blocked * h[i];
-                    }
-                }
+                blocked = sh_add(blocked, sh_of(w), share);
             }
         }
     }
     if all == 0.0 {
         return vec3<f32>(0.0);
     }
-    for (var i = 0u; i < 16u; i += 1u) {
-        low[i] -= all * soft.means[i / 4u][i % 4u];
-    }
-    for (var i = 0u; i < 20u; i += 1u) {
-        high[i] -= all * soft.means[4u + i / 4u][i % 4u];
-    }
-    return radiated(low, high, normal) * soft.softness.z;
+    return radiated(sh_add(blocked, soft.means, -all), normal) * soft.softness.z;
 }
 
 // What a white matt receiver radiates of the light that coefficients of blocked directions let in.
-fn radiated(low_in: array<f32, 16>, high_in: array<f32, 20>, normal: vec3<f32>) -> vec3<f32> {
-    var low = low_in;
-    var high = high_in;
+fn radiated(blocked: Sh, normal: vec3<f32>) -> vec3<f32> {
+    var d = blocked;
     // The zonal lobe about the normal.
-    var f_low = sh_low(normal);
-    for (var i = 0u; i < 16u; i += 1u) {
-        f_low[i] *= soft.bands_low[band_of(i)];
-    }
-    var f_high: array<f32, 20>;
-    if soft.counts.x > 4u {
-        f_high = sh_high(normal);
-        for (var i = 0u; i < 20u; i += 1u) {
-            f_high[i] *= soft.bands_high[band_of(16u + i) - 4u];
-        }
-    }
+    var f = sh_bands(sh_of(normal), soft.bands_low, soft.bands_high.xy);
     var sum = vec3<f32>(0.0);
-    let count = soft.counts.x * soft.counts.x;
     var at = 0u;
-    for (var i = 0u; i < count; i += 1u) {
-        var d_i = 0.0;
-        var f_i = 0.0;
-        if i < 16u {
-            d_i = low[i];
-            f_i = f_low[i];
-        } else {
-            d_i = high[i - 16u];
-            f_i = f_high[i - 16u];
-        }
-        for (var k = 0u; k <= i; k += 1u) {
-            var both = 0.0;
-            if k < 16u {
-                both = d_i * f_low[k] + low[k] * f_i;
-            } else {
-                both = d_i * f_high[k - 16u] + high[k - 16u] * f_i;
-            }
-            if k == i {
-                both = d_i * f_i;
-            }
-            sum += soft.matrix[at].xyz * both;
+    for (var i = 0u; i < SH_ORDER * SH_ORDER; i += 1u) {
+        let d_i = d[i / 4u][i % 4u];
+        let f_i = f[i / 4u][i % 4u];
+        for (var k = 0u; k < i; k += 1u) {
+            sum += soft.matrix[at].xyz * (d_i * f[k / 4u][k % 4u] + d[k / 4u][k % 4u] * f_i);
             at += 1u;
         }
+        sum += soft.matrix[at].xyz * (d_i * f_i);
+        at += 1u;
     }
     return sum;
-}
-
-// l of coefficient l (l + 1) + m.
-fn band_of(i: u32) -> u32 {
-    return u32(i >= 1u) + u32(i >= 4u) + u32(i >= 9u) + u32(i >= 16u) + u32(i >= 25u);
 }

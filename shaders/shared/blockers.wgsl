@@ -1,19 +1,26 @@
-// How much of its directions spheres hide from a receiver, orders 2 to 4, every rung but `directions`. Twin: src/visibility/blockers/mod.rs.
-// Needs shared/sh_basis and a uniform `blockers` of the struct below, which Rust fills with `BlockerTerms`.
+// How much of its directions spheres hide from a receiver, every rung but `directions`. Twin: src/visibility/blockers/mod.rs.
+// Needs shared/sh_product and two uniforms of the structs below, `blockers` and `tables`, which Rust fills.
 
 struct BlockerTerms {
     // Centre (world frame, metres) and radius.
-    spheres: array<vec4<f32>, 64>,
+    spheres: array<vec4<f32>, 256>,
     // Body of sphere 4 i + k in component k.
-    bodies: array<vec4<u32>, 16>,
-    // Spheres, rung (below), order (2 to 4), entries of gamma.
+    bodies: array<vec4<u32>, 64>,
+    // Spheres, rung (below), 0, 0.
+    counts: vec4<u32>,
+}
+
+// What depends on SH_ORDER alone.
+struct BlockerTables {
+    // Pairs of rings, 0, 0, 0.
     counts: vec4<u32>,
     // (a, b) of Eq. 24 of [Now11] at nodes 2 i and 2 i + 1.
     response: array<vec4<f32>, 21>,
     // Logarithm of one cap over q = 1 - cos in 512 steps: g_l sqrt(4 pi/(2l+1)) / q of bands 0 to 3.
     logarithms: array<vec4<f32>, 513>,
-    // i + 16 j + 256 k, the bits of the integral of y_i y_j y_k: two entries each.
-    gamma: array<vec4<u32>, 39>,
+    // The same of bands 4 and 5, in steps 2 i and 2 i + 1.
+    logarithms_high: array<vec4<f32>, 257>,
+    rings: array<Ring, 4>,
 }
 
 const RUNG_DC = 0u;
@@ -25,7 +32,9 @@ const RUNG_CHAIN = 4u;
 // The receiver belongs to no body.
 const NO_BODY = 0xffffffffu;
 
-const WHOLE = 3.5449077;
+// Spheres, the first of the list, whose caps are tested for lying in each other.
+const TESTED = 64u;
+
 const FOUR_PI = 12.5663706;
 const SMALLEST_CAP = 1e-7;
 const TOUCHING = 5e-7;
@@ -65,13 +74,14 @@ fn blocker_cap(i: u32, point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> 
 
 // Whether cap i lies in another one; of equal ones the first stays.
 fn blocker_is_contained(i: u32, cap: Cap, point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> bool {
-    for (var k = 0u; k < blockers.counts.x; k += 1u) {
+    let sine = sqrt(cap.sine_squared);
+    for (var k = 0u; k < min(blockers.counts.x, TESTED); k += 1u) {
         if k == i {
             continue;
         }
         let other = blocker_cap(k, point_world, normal, body);
         let larger = other.q > cap.q || (other.q == cap.q && k < i);
-        let sines = sqrt(cap.sine_squared) * sqrt(other.sine_squared);
+        let sines = sine * sqrt(other.sine_squared);
         if larger && dot(cap.axis, other.axis) + TOUCHING >= cap.cosine * other.cosine + sines {
             return true;
         }
@@ -90,91 +100,53 @@ fn blocker_response(x: f32) -> vec2<f32> {
     }
     position = min(position, 40.0);
     let node = min(u32(position), 39u);
-    let low = blockers.response[node / 2u];
-    let high = blockers.response[(node + 1u) / 2u];
+    let low = tables.response[node / 2u];
+    let high = tables.response[(node + 1u) / 2u];
     let from_node = select(low.xy, low.zw, node % 2u == 1u);
     let to_node = select(high.zw, high.xy, node % 2u == 1u);
     return mix(from_node, to_node, position - f32(node));
 }
 
-// Bands 0 to 3 of a cap's logarithm, ready to be turned.
-fn blocker_logarithm(q: f32) -> vec4<f32> {
-    let position = min(q * 512.0, 512.0);
+// A cap's logarithm, from the table.
+fn blocker_logarithm(cap: Cap) -> Sh {
+    let position = min(cap.q * 512.0, 512.0);
     let row = min(u32(position), 511u);
-    return mix(blockers.logarithms[row], blockers.logarithms[row + 1u], position - f32(row)) * q;
-}
-
-// Bands 0 to 3 of what a cap leaves visible, ready to be turned (Eq. 23 of [Now11], exact).
-fn blocker_visible(cap: Cap) -> vec4<f32> {
-    let c = cap.cosine;
-    let slope = vec3<f32>(1.0, 3.0 * c, 7.5 * c * c - 1.5) / vec3<f32>(2.0, 6.0, 12.0);
-    return vec4<f32>(FOUR_PI - 0.5 * FOUR_PI * cap.q, -0.5 * FOUR_PI * cap.sine_squared * slope);
-}
-
-// Zonal bands turned to an axis: the coefficients of bands beyond the order are 0.
-fn blocker_turn(bands: vec4<f32>, axis: vec3<f32>) -> array<f32, 16> {
-    var y = sh_low(axis);
-    let kept = bands * select(vec4<f32>(0.0), vec4<f32>(1.0), vec4<u32>(0u, 1u, 2u, 3u) < vec4<u32>(blockers.counts.z));
-    for (var i = 0u; i < 16u; i += 1u) {
-        let band = select(select(select(kept.w, kept.z, i < 9u), kept.y, i < 4u), kept.x, i < 1u);
-        y[i] *= band;
+    let part = position - f32(row);
+    let low = mix(tables.logarithms[row], tables.logarithms[row + 1u], part) * cap.q;
+    var high = vec2<f32>(0.0);
+    if SH_ORDER > 4u {
+        let from_row = tables.logarithms_high[row / 2u];
+        let to_row = tables.logarithms_high[(row + 1u) / 2u];
+        let is_odd = row % 2u == 1u;
+        high = mix(select(from_row.xy, from_row.zw, is_odd), select(to_row.zw, to_row.xy, is_odd), part) * cap.q;
     }
-    return y;
+    return sh_bands(sh_of(cap.axis), low, high);
+}
+
+// What a cap leaves visible (Eq. 23 of [Now11], exact): -2 pi R P_l'(c) / (l (l + 1)), ready to be turned.
+fn blocker_visible(cap: Cap) -> Sh {
+    let c = cap.cosine;
+    let slope2 = 3.0 * c;
+    let slope3 = 2.5 * c * slope2 - 1.5;
+    let half = -0.5 * FOUR_PI * cap.sine_squared;
+    let low = vec4<f32>(FOUR_PI - 0.5 * FOUR_PI * cap.q, half * vec3<f32>(1.0, slope2, slope3) / vec3<f32>(2.0, 6.0, 12.0));
+    let slope4 = (7.0 * c * slope3 - 4.0 * slope2) / 3.0;
+    let slope5 = (9.0 * c * slope4 - 5.0 * slope3) / 4.0;
+    return sh_bands(sh_of(cap.axis), low, half * vec2<f32>(slope4, slope5) / vec2<f32>(20.0, 30.0));
 }
 
 // The truncated product (Eq. 4 of [Now11]).
-fn blocker_product(f_in: array<f32, 16>, g_in: array<f32, 16>) -> array<f32, 16> {
-    var f = f_in;
-    var g = g_in;
-    var out = array<f32, 16>();
-    let entries = blockers.counts.w;
-    for (var entry = 0u; entry < entries; entry += 1u) {
-        let pair = blockers.gamma[entry / 2u];
-        let own = select(pair.xy, pair.zw, entry % 2u == 1u);
-        let packed = own.x;
-        let integral = bitcast<f32>(own.y);
-        let i = packed & 15u;
-        let j = (packed >> 4u) & 15u;
-        let k = (packed >> 8u) & 15u;
-        // Each different choice of the output index once.
-        out[k] += integral * select(f[i] * g[j] + f[j] * g[i], f[i] * g[i], i == j);
-        if j != k {
-            out[j] += integral * select(f[i] * g[k] + f[k] * g[i], f[i] * g[i], i == k);
-        }
-        if i != j {
-            out[i] += integral * select(f[j] * g[k] + f[k] * g[j], f[j] * g[j], j == k);
-        }
+fn blocker_product(f: Sh, g: Sh) -> Sh {
+    var out = Sh();
+    for (var i = 0u; i < tables.counts.x; i += 1u) {
+        out = sh_product_on(tables.rings[i], f, g, out);
     }
     return out;
 }
 
-fn blocker_norm(v_in: array<f32, 16>) -> f32 {
-    var v = v_in;
-    var sum = 0.0;
-    for (var i = 1u; i < 16u; i += 1u) {
-        sum += v[i] * v[i];
-    }
-    return sqrt(sum);
-}
-
-// What 0 <= V <= 1 allows.
-fn blocker_guard(v_in: array<f32, 16>) -> array<f32, 16> {
-    var v = v_in;
-    v[0] = clamp(v[0], 0.0, WHOLE);
-    let bound = sqrt(max(v[0] * (WHOLE - v[0]), 0.0));
-    let norm = blocker_norm(v);
-    if norm > bound {
-        for (var i = 1u; i < 16u; i += 1u) {
-            v[i] *= bound / norm;
-        }
-    }
-    return v;
-}
-
 // The exponential of a sum of logarithms: Eq. 24, or scaling and squaring.
-fn blocker_exponential(g_in: array<f32, 16>, rung: u32) -> array<f32, 16> {
-    var g = g_in;
-    let norm = blocker_norm(g);
+fn blocker_exponential(g: Sh, rung: u32) -> Sh {
+    let norm = sh_norm_above_mean(g);
     var scale = 1.0;
     var squarings = 0u;
     let limit = select(1.0, 0.5, rung == RUNG_SQUARED);
@@ -182,66 +154,55 @@ fn blocker_exponential(g_in: array<f32, 16>, rung: u32) -> array<f32, 16> {
         scale *= 0.5;
         squarings += 1u;
     }
-    let mean = g[0] * scale / WHOLE;
-    var v = g;
+    let mean = g[0].x * scale / WHOLE;
+    var v: Sh;
     if rung == RUNG_SQUARED {
-        v[0] = 0.0;
-        for (var i = 1u; i < 16u; i += 1u) {
-            v[i] *= scale;
-        }
-        var square = blocker_product(v, v);
-        v[0] = WHOLE;
-        for (var i = 0u; i < 16u; i += 1u) {
-            v[i] = (square[i] * 0.5 + v[i]) * exp(mean);
-        }
+        var rest = sh_add(Sh(), g, scale);
+        rest[0].x = 0.0;
+        v = sh_add(rest, blocker_product(rest, rest), 0.5);
+        v[0].x += WHOLE;
+        v = sh_add(Sh(), v, exp(mean));
     } else {
         let ab = blocker_response(norm * scale);
         let both = exp(mean + log(ab.x));
-        v[0] = both * WHOLE;
-        for (var i = 1u; i < 16u; i += 1u) {
-            v[i] *= both * (ab.y / ab.x) * scale;
-        }
+        v = sh_add(Sh(), g, both * (ab.y / ab.x) * scale);
+        v[0].x = both * WHOLE;
     }
     for (var step = 0u; step < squarings; step += 1u) {
-        v = blocker_guard(blocker_product(v, v));
+        v = sh_guard(blocker_product(v, v));
     }
-    return blocker_guard(v);
+    return sh_guard(v);
 }
 
 // 1 - V of a receiver, exactly 0 where nothing blocks: a point and a unit normal in the world frame, and its body or
 // NO_BODY. Any rung but `directions`.
-fn blocker_blocked(point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> array<f32, 16> {
+fn blocker_blocked(point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> Sh {
     let rung = blockers.counts.y;
-    var sum = array<f32, 16>();
+    var sum = Sh();
     let multiplies = rung == RUNG_DC || rung == RUNG_CHAIN;
-    sum[0] = select(0.0, WHOLE, multiplies);
+    sum[0].x = select(0.0, WHOLE, multiplies);
     var any = false;
     for (var i = 0u; i < blockers.counts.x; i += 1u) {
         let cap = blocker_cap(i, point_world, normal, body);
-        if cap.q == 0.0 || blocker_is_contained(i, cap, point_world, normal, body) {
+        if cap.q == 0.0 || (i < TESTED && blocker_is_contained(i, cap, point_world, normal, body)) {
             continue;
         }
         any = true;
         if rung == RUNG_DC {
-            sum[0] *= 1.0 - 0.5 * cap.q;
+            sum[0].x *= 1.0 - 0.5 * cap.q;
         } else if rung == RUNG_CHAIN {
-            sum = blocker_guard(blocker_product(sum, blocker_turn(blocker_visible(cap), cap.axis)));
+            sum = sh_guard(blocker_product(sum, blocker_visible(cap)));
         } else {
-            var turned = blocker_turn(blocker_logarithm(cap.q), cap.axis);
-            for (var k = 0u; k < 16u; k += 1u) {
-                sum[k] += turned[k];
-            }
+            sum = sh_add(sum, blocker_logarithm(cap), 1.0);
         }
     }
     if !any {
-        return array<f32, 16>();
+        return Sh();
     }
     if !multiplies {
         sum = blocker_exponential(sum, rung);
     }
-    for (var k = 0u; k < 16u; k += 1u) {
-        sum[k] = -sum[k];
-    }
-    sum[0] += WHOLE;
-    return sum;
+    var blocked = sh_add(Sh(), sum, -1.0);
+    blocked[0].x += WHOLE;
+    return blocked;
 }

@@ -1,7 +1,7 @@
 //! What virtual objects take of the soft half of the light on real surfaces: the global term of Section 6.2 of [Now11],
 //! with spheres for the objects. Evaluated for each pixel, or at half or quarter resolution and carried up along the
-//! surface: soft shadows are smooth. Twin: `shaders/compose/soft_shadow.wgsl`, which has the rung `directions` at all
-//! orders, the others at orders up to 4, and 64 spheres at most; the GPU engine runs anything else here.
+//! surface: soft shadows are smooth. Twin: `shaders/compose/soft_shadow.wgsl`, for 256 spheres
+//! at most; the GPU engine runs more here.
 
 use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};

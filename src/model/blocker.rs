@@ -14,10 +14,7 @@ pub struct BlockerSphere {
 }
 
 /// Spheres that shaders take.
-pub const SHADER_SPHERES: usize = 64;
-
-/// Largest SH order of the shaders of the rungs other than [`Rung::Directions`].
-pub const SHADER_ORDER: usize = 4;
+pub const SHADER_SPHERES: usize = 256;
 
 /// How the visibility of many spheres is put together from that of each: the accuracy ladder, cheapest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -51,12 +48,6 @@ impl Rung {
             Self::Chain => "chain",
             Self::Directions => "directions",
         }
-    }
-
-    /// Whether shaders can do this rung at an SH order: `directions` at any, the others up to [`SHADER_ORDER`]. What they
-    /// cannot, the CPU twin does, whatever the engine.
-    pub const fn has_shader(self, order: usize) -> bool {
-        matches!(self, Self::Directions) || order <= SHADER_ORDER
     }
 
     /// The rung of a name; `None` where there is none: see [`Rung::ALL`] for what is allowed.

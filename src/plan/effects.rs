@@ -38,8 +38,8 @@ impl Occasion<'_> {
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
-/// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres. Its reason says where no shader
-///   can do it, so that it runs on the CPU twin with either engine.
+/// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres. Its reason says where it has
+///   more of them than shaders take, so that it runs on the CPU twin with either engine.
 /// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces a hard light, or with `SoftShadow`.
 /// * `ShadeObject`: an object is in view.
 /// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
@@ -111,12 +111,8 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     } else if light.global.rows().iter().flatten().all(|c| *c == 0.0) {
         Err("no soft light")
     } else {
-        let order = light.global.order;
-        Ok(if !quality.rung.has_shader(order) {
-            "virtual bodies stand in soft light over real surfaces; on the CPU with either engine: orders 5 and 6 of \
-             this rung have no shader"
-        } else if spheres > SHADER_SPHERES {
-            "virtual bodies stand in soft light over real surfaces; on the CPU with either engine if more than 64 \
+        Ok(if spheres > SHADER_SPHERES {
+            "virtual bodies stand in soft light over real surfaces; on the CPU with either engine if more than 256 \
              spheres count: shaders take no more"
         } else {
             "virtual bodies stand in soft light over real surfaces"
@@ -319,17 +315,14 @@ mod tests {
             let spheres = (0..count).map(|k| (Vec3::X * k as f32, 0.1));
             crate::model::animation::Figure::still("body".into(), 0, Affine3A::IDENTITY, spheres)
         };
-        place.figures = vec![body(20)];
+        place.figures = vec![body(128), body(128)];
         for rung in Rung::ALL {
             for order in 2..=6 {
-                let on_cpu =
-                    reason(&place, rung, order).contains("orders 5 and 6 of this rung have no shader");
-                assert_eq!(on_cpu, rung != Rung::Directions && order > 4, "{} {order}", rung.name());
+                assert!(!reason(&place, rung, order).contains("CPU"), "{} {order}", rung.name());
             }
         }
-        assert!(!reason(&place, Rung::Directions, 4).contains("CPU"));
-        place.figures = vec![body(40), body(40)];
-        assert!(reason(&place, Rung::Directions, 4).contains("more than 64 spheres"));
+        place.figures = vec![body(128), body(128), body(1)];
+        assert!(reason(&place, Rung::Directions, 4).contains("more than 256 spheres"));
     }
 
     #[test]

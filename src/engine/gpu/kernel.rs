@@ -168,6 +168,10 @@ impl Built {
         context: &GpuContext,
         drawing: &Drawing<'_>,
     ) -> Result<wgpu::RenderPipeline, EngineError> {
+        let options = || wgpu::PipelineCompilationOptions {
+            constants: drawing.constants,
+            ..wgpu::PipelineCompilationOptions::default()
+        };
         let buffers = [Some(wgpu::VertexBufferLayout {
             array_stride: drawing.stride,
             step_mode: wgpu::VertexStepMode::Vertex,
@@ -181,7 +185,7 @@ impl Built {
             vertex: wgpu::VertexState {
                 module: &self.module,
                 entry_point: Some(drawing.vertex),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: options(),
                 buffers: &buffers,
             },
             primitive: wgpu::PrimitiveState::default(),
@@ -196,7 +200,7 @@ impl Built {
             fragment: Some(wgpu::FragmentState {
                 module: &self.module,
                 entry_point: Some(drawing.fragment),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: options(),
                 targets: &targets,
             }),
             multiview_mask: None,
@@ -244,6 +248,8 @@ pub struct Drawing<'a> {
     pub nearer: wgpu::CompareFunction,
     /// Samples a pixel.
     pub samples: u32,
+    /// Values of the shader's `override`s.
+    pub constants: &'a [(&'a str, f64)],
 }
 
 /// A resource to bind; compares equal while it is the same object.

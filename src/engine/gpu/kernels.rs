@@ -75,6 +75,7 @@ pub const SOFT_SHADOW: Kernel = Kernel {
         source!("shared/lens"),
         source!("shared/sh_basis"),
         source!("shared/facet"),
+        source!("shared/sh_product"),
         source!("shared/blockers"),
         source!("compose/soft_shadow"),
     ],
@@ -83,12 +84,14 @@ pub const SOFT_SHADOW: Kernel = Kernel {
         Binding::new("view", BindingKind::Uniform),
         Binding::new("soft", BindingKind::Uniform),
         Binding::new("blockers", BindingKind::Uniform),
+        Binding::new("tables", BindingKind::Uniform),
         Binding::new("planes", BindingKind::Uniform),
     ],
     structs: &[
         params::View::LAYOUT,
         params::SoftTerms::LAYOUT,
         params::BLOCKER_TERMS,
+        params::BLOCKER_TABLES,
         params::PlaneTerms::LAYOUT,
     ],
 };

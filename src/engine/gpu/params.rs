@@ -4,7 +4,7 @@
 use crate::{
     compose::reflected::{MOST_SPHERES, MOST_TRIANGLES},
     model::light::MAX_HARD_LIGHTS,
-    visibility::blockers::BlockerTerms,
+    visibility::blockers::{BlockerTables, BlockerTerms},
 };
 
 /// Normals of flat receivers that `PlaneTerms` holds.
@@ -175,7 +175,7 @@ shared_struct! {
 shared_struct! {
     /// `compose/soft_shadow`. Twins: `visibility::blockers`, `compose::soft_shadow::Transfer`.
     SoftTerms {
-        /// Order of the light, spheres, directions, 0.
+        /// Directions, 0, 0, 0.
         counts: [u32; 4],
         /// h, sin(h/2), 4 pi / N, 0.
         softness: [f32; 4],
@@ -183,8 +183,6 @@ shared_struct! {
         bands_low: [f32; 4],
         /// Bands 4 and 5.
         bands_high: [f32; 4],
-        /// Centres and radii, world frame, metres.
-        spheres: [[f32; 4]; 64],
         /// Unit directions, four by four: x of four of them, y, z.
         directions: [[[f32; 4]; 3]; 64],
         /// Means of y_i over the directions.
@@ -220,11 +218,18 @@ const fn bytes_of_what<Whole, Part>(_: fn(&Whole) -> &Part) -> usize {
     size_of::<Part>()
 }
 
-/// The spheres and tables of `shared/blockers`, which `visibility` lays out.
+/// The spheres of `shared/blockers`, which `visibility` lays out.
 pub const BLOCKER_TERMS: StructLayout = StructLayout {
     name: "BlockerTerms",
     size: size_of::<BlockerTerms>(),
-    members: members_of!(BlockerTerms: spheres, bodies, counts, response, logarithms, gamma),
+    members: members_of!(BlockerTerms: spheres, bodies, counts),
+};
+
+/// The tables of `shared/blockers`, likewise.
+pub const BLOCKER_TABLES: StructLayout = StructLayout {
+    name: "BlockerTables",
+    size: size_of::<BlockerTables>(),
+    members: members_of!(BlockerTables: counts, response, logarithms, logarithms_high, rings),
 };
 
 shared_struct! {

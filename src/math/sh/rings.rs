@@ -80,6 +80,19 @@ impl<T: Real> Rings<T> {
     }
 }
 
+impl Rings<f64> {
+    /// What a shader that takes so many samples of each ring, above 3(n-1), reads: for each pair of rings the values and the
+    /// weighted values, P_lm at l (l + 1)/2 + m. A ring at z = 0 is a pair of half the weight.
+    pub fn pairs_of(order: usize, samples_taken: usize) -> impl Iterator<Item = [[f64; LEGENDRE]; 2]> {
+        let rings = f64::rings(order);
+        let share = samples(order.clamp(2, MAX_ORDER)) as f64 / samples_taken.max(1) as f64;
+        let scaled =
+            move |ring: &Ring<f64>, weight: f64| [ring.values, ring.weighted.map(|w| w * weight * share)];
+        let pairs = rings.pairs.iter().map(move |ring| scaled(ring, 1.0));
+        pairs.chain(rings.centre.iter().map(move |ring| scaled(ring, 0.5)))
+    }
+}
+
 /// Fourier coefficients of a ring: of cos(m phi) and sin(m phi).
 type Waves<V> = [[V; 2]; MAX_ORDER];
 

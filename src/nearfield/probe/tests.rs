@@ -124,7 +124,7 @@ fn radiance_lands_where_it_comes_from_and_patches_follow_it() {
     let smallest = lamp.iter().map(|p| p.area_m2).fold(f32::INFINITY, f32::min);
     assert!(lamp.len() > 16 && smallest < 0.02, "{} patches from {smallest} m2", lamp.len());
     for patch in &lamp {
-        assert!(off(&patch) < 0.5, "{patch:?}");
+        assert!(off(patch) < 0.5, "{patch:?}");
     }
 }
 

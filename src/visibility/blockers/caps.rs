@@ -3,7 +3,7 @@
 use crate::{math::sh::lanes::Lane, model::blocker::BlockerSphere};
 use glam::Vec3;
 
-/// Caps that are tested for lying in each other; further ones are taken as they are.
+/// Spheres, the first of the list, whose caps are tested for lying in each other; further ones are taken as they are.
 pub const MOST_TESTED: usize = 64;
 
 /// Below this 1 - cos(half angle) a cap changes nothing that an f32 can show.

@@ -3,6 +3,7 @@
 use super::{
     Blockers,
     caps::{LaneCap, LaneVec, MOST_TESTED, drop_contained},
+    not_of,
 };
 use crate::{
     math::sh::{
@@ -24,19 +25,21 @@ pub fn visibility<const N: usize, const L: usize>(
         return blockers.directions.visibility::<N, L>(blockers.others(body), points, normals);
     }
     let mut product_of = Product::<N, L>::new(blockers);
+    // Which ones are tested does not depend on what the receivers see, nor on how these are grouped.
+    let (tested, further) = blockers.spheres.split_at(blockers.spheres.len().min(MOST_TESTED));
+    let cap_of = |sphere| LaneCap::of_sphere(sphere, points, normals);
     let mut caps = [LaneCap::nothing(); MOST_TESTED];
     let mut kept = 0;
-    for cap in blockers.others(body).filter_map(|sphere| LaneCap::of_sphere(sphere, points, normals)) {
-        if kept < MOST_TESTED {
-            caps[kept] = cap;
-            kept += 1;
-        } else {
-            product_of.add(&cap);
-        }
+    for (slot, cap) in caps.iter_mut().zip(not_of(tested, body).filter_map(cap_of)) {
+        *slot = cap;
+        kept += 1;
     }
     drop_contained(&mut caps[..kept]);
     for cap in &caps[..kept] {
         product_of.add(cap);
+    }
+    for cap in not_of(further, body).filter_map(cap_of) {
+        product_of.add(&cap);
     }
     product_of.finish()
 }

@@ -12,9 +12,9 @@ mod shader_terms;
 #[cfg(test)]
 mod tests;
 
-pub use crate::model::blocker::{SHADER_ORDER, SHADER_SPHERES};
+pub use crate::model::blocker::SHADER_SPHERES;
 pub use plane::Plane;
-pub use shader_terms::BlockerTerms;
+pub use shader_terms::{BlockerTables, BlockerTerms};
 
 use crate::{
     math::sh::{
@@ -166,7 +166,7 @@ impl Blockers {
 
     /// The spheres that are not of a body.
     fn others(&self, body: Option<u32>) -> impl Iterator<Item = &BlockerSphere> {
-        self.spheres.iter().filter(move |sphere| Some(sphere.body) != body)
+        not_of(&self.spheres, body)
     }
 
     /// V of L receivers.
@@ -185,6 +185,11 @@ impl Blockers {
             _ => ladder::visibility::<6, L>(self, points, normals, body),
         }
     }
+}
+
+/// Those of some spheres that are not of a body.
+fn not_of(spheres: &[BlockerSphere], body: Option<u32>) -> impl Iterator<Item = &BlockerSphere> {
+    spheres.iter().filter(move |sphere| Some(sphere.body) != body)
 }
 
 /// sum_i t_i V_i for each channel.

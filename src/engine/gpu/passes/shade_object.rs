@@ -132,6 +132,7 @@ fn pipelines(context: &GpuContext, built: &Built, samples: u32) -> Result<Pipeli
         write: wgpu::ColorWrites::ALL,
         nearer: wgpu::CompareFunction::Greater,
         samples,
+        constants: &[],
     };
     let surfaces = Drawing {
         vertex: "surface_vertex",

@@ -48,6 +48,7 @@ impl ShadeSurface {
                 write: wgpu::ColorWrites::ALL,
                 nearer: wgpu::CompareFunction::Greater,
                 samples: 1,
+                constants: &[],
             },
         )?;
         Ok(Self {

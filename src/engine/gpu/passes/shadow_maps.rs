@@ -47,6 +47,7 @@ impl ShadowMaps {
                 write: wgpu::ColorWrites::RED,
                 nearer: wgpu::CompareFunction::Less,
                 samples: 1,
+                constants: &[],
             },
         )?;
         Ok(Self {

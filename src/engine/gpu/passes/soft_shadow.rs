@@ -16,9 +16,10 @@ use crate::{
             textures::KeptTexture,
         },
     },
+    math::sh::MAX_ORDER,
     model::blocker::Rung,
     plan::Pass,
-    visibility::blockers::{BlockerTerms, Blockers, SHADER_SPHERES},
+    visibility::blockers::{BlockerTables, BlockerTerms, Blockers},
 };
 
 const PASS: Pass = Pass::SoftShadow;
@@ -38,33 +39,39 @@ pub struct Soft<'a> {
 /// The kernel.
 pub struct SoftShadow {
     built: Built,
-    /// Of the rung `directions`, and of all others; at pixels, and at vertices.
-    pipelines: [Option<wgpu::RenderPipeline>; 4],
+    /// For each order: of the rung `directions`, and of all others; at pixels, and at vertices.
+    pipelines: [[Option<wgpu::RenderPipeline>; 4]; MAX_ORDER + 1],
     view: GrowingBuffer,
     soft: GrowingBuffer,
     blockers: GrowingBuffer,
+    tables: GrowingBuffer,
+    tables_order: Option<usize>,
     planes: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
     terms: Box<params::SoftTerms>,
     blocker_terms: Box<BlockerTerms>,
+    blocker_tables: Box<BlockerTables>,
     plane_terms: Box<params::PlaneTerms>,
 }
 
 impl SoftShadow {
-    /// Compiles the shader; pipelines follow when a rung is first asked for.
+    /// Compiles the shader; pipelines follow when a rung and an order are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
             built: Built::new(context, &kernels::SOFT_SHADOW)?,
-            pipelines: [const { None }; 4],
+            pipelines: [const { [const { None }; 4] }; MAX_ORDER + 1],
             view: GrowingBuffer::uniform("coarse view"),
             soft: GrowingBuffer::uniform("soft terms"),
             blockers: GrowingBuffer::uniform("blockers"),
+            tables: GrowingBuffer::uniform("blocker tables"),
+            tables_order: None,
             planes: GrowingBuffer::uniform("planes"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("coarse depth", wgpu::TextureFormat::Depth32Float),
             terms: bytemuck::zeroed_box(),
             blocker_terms: bytemuck::zeroed_box(),
+            blocker_tables: bytemuck::zeroed_box(),
             plane_terms: bytemuck::zeroed_box(),
         })
     }
@@ -82,10 +89,16 @@ impl SoftShadow {
         let blockers = spheres.blockers;
         self.fill(blockers, spheres.transfer);
         self.fill_planes(spheres.planes);
+        blockers.shader_terms(&mut self.blocker_terms);
         let is_directed = blockers.rung() == Rung::Directions;
-        if !is_directed {
-            blockers.shader_terms(&mut self.blocker_terms);
-        }
+        let order = blockers.order();
+        let tables = if is_directed || self.tables_order == Some(order) {
+            self.tables.bind(context, size_of::<BlockerTables>())
+        } else {
+            blockers.shader_tables(&mut self.blocker_tables);
+            self.tables_order = Some(order);
+            self.tables.write(context, bytemuck::bytes_of(&*self.blocker_tables))
+        };
         let at_vertices = spheres.at_vertices;
         let (number, stages) = match (is_directed, at_vertices) {
             (true, false) => (0, ["vertex", "fragment"]),
@@ -93,19 +106,16 @@ impl SoftShadow {
             (true, true) => (2, ["vertex_directions", "interpolated"]),
             (false, true) => (3, ["vertex_ladder", "interpolated"]),
         };
-        let slot = &mut self.pipelines[number];
+        let slot = &mut self.pipelines[order.min(MAX_ORDER)][number];
         let pipeline = match slot {
             Some(pipeline) => pipeline,
-            None => slot.insert(pipeline(context, &self.built, stages)?),
+            None => slot.insert(pipeline(context, &self.built, stages, order)?),
         };
         let resources = [
             self.view.write(context, bytemuck::bytes_of(coarse_view)),
             self.soft.write(context, bytemuck::bytes_of(&*self.terms)),
-            if is_directed {
-                self.blockers.bind(context, size_of::<BlockerTerms>())
-            } else {
-                self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms))
-            },
+            self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms)),
+            tables,
             self.planes.write(context, bytemuck::bytes_of(&*self.plane_terms)),
         ];
         let group = self.group.of(context, &self.built, &resources);
@@ -146,23 +156,19 @@ impl SoftShadow {
     fn fill(&mut self, blockers: &Blockers, transfer: &Transfer) {
         let terms = &mut *self.terms;
         let order = transfer.order();
-        let spheres = &blockers.spheres()[..blockers.spheres().len().min(SHADER_SPHERES)];
-        terms.counts = [order as u32, spheres.len() as u32, 0, 0];
-        for (slot, sphere) in terms.spheres.iter_mut().zip(spheres) {
-            *slot = sphere.centre_world.extend(sphere.radius_m).to_array();
-        }
         let bands = transfer.bands();
         terms.bands_low = [bands[0], bands[1], bands[2], bands[3]];
         terms.bands_high = [bands[4], bands[5], 0.0, 0.0];
         let count = order * order;
         let matrix = transfer.matrix_rgb();
+        terms.matrix.fill([0.0; 4]);
         let pairs = (0..count).flat_map(|i| (0..=i).map(move |k| (i, k)));
         for (slot, (i, k)) in terms.matrix.iter_mut().zip(pairs) {
             let [r, g, b] = matrix[i * count + k];
             *slot = [r, g, b, 0.0];
         }
         let (directions, [softness, least_sine], means) = blockers.directions();
-        terms.counts[2] = directions.len() as u32;
+        terms.counts = [directions.len() as u32, 0, 0, 0];
         let solid_angle = 4.0 * std::f32::consts::PI / directions.len().max(1) as f32;
         terms.softness = [softness, least_sine, solid_angle, 0.0];
         for (j, direction) in directions.iter().enumerate() {
@@ -181,6 +187,7 @@ fn pipeline(
     context: &GpuContext,
     built: &Built,
     [vertex, fragment]: [&str; 2],
+    order: usize,
 ) -> Result<wgpu::RenderPipeline, EngineError> {
     let drawing = Drawing {
         vertex,
@@ -191,6 +198,7 @@ fn pipeline(
         write: wgpu::ColorWrites::ALL,
         nearer: wgpu::CompareFunction::Greater,
         samples: 1,
+        constants: &[("SH_ORDER", order as f64)],
     };
     built.drawing(context, &drawing)
 }
