@@ -4,7 +4,7 @@ use super::compact::CompactSplit;
 use super::dering::dering;
 use super::split::{SplitOptions, split};
 use crate::model::{
-    light::{Lights, RadianceSamples, RadianceSh},
+    light::{Lights, MAX_HARD_LIGHTS, RadianceSamples, RadianceSh},
     quality::SplitKind,
 };
 

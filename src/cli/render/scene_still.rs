@@ -12,6 +12,7 @@ use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::unwrap_ball::BallShot;
 use crate::light::{
     halve::{HalveOptions, halve_still, halve_still_with_rest},
+    maps::MapAxes,
     prefilter::{Prefilter, Wanted},
 };
 use crate::math::color::gray;
@@ -27,7 +28,7 @@ use crate::model::{
     rig::MirrorBall,
 };
 use crate::pipeline::gray_place::GrayPlace;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 /// Pictures of one bracket in memory.
@@ -313,13 +314,7 @@ fn read_map(
     let job = EnvironmentMap { layout, radiance };
     let measured =
         engine.estimate_light(&LightJob::Map(&job), quality).map_err(|e| CliError(e.to_string()))?;
-    // y up: cube maps are left-handed as D3D and GL have them, other pictures right-handed.
-    let axes = match (y_up, layout) {
-        (false, _) => DMat3::IDENTITY,
-        (true, MapLayout::Cube) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y),
-        (true, _) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
-    };
-    let world_from_map = DMat3::from_rotation_z(rotation_deg.to_radians()) * axes;
+    let world_from_map = MapAxes::of_up(y_up, layout).world_from_map(rotation_deg.to_radians());
     let order = measured.total.order;
     let rows = world_from_map.transpose().as_mat3().to_cols_array_2d();
     let mut turned = [[0.0f32; 3]; MAX_COEFFICIENTS];

@@ -22,11 +22,11 @@ struct Sun {
 
 /// The suns of a room and its own shadow under each.
 #[derive(Clone, Debug, Default)]
-pub struct Suns {
+pub struct SunShadows {
     suns: Vec<Sun>,
 }
 
-impl Suns {
+impl SunShadows {
     /// Draws the room's own maps, `texels` a side.
     pub fn load(&mut self, known: &KnownRoom, texels: u32) {
         self.suns.clear();
