@@ -24,6 +24,7 @@ use halflight::{
     },
     nearfield::{
         field::{NearField, Preparation},
+        irradiance::{IrradianceVolume, VolumeSettings},
         patches::{Subdivision, subdivide},
         prepare::{KnownRoom, RoomReport},
     },
@@ -136,7 +137,8 @@ pub fn run() {
     let patches = subdivide(&room, &Subdivision { patches: 1500, ..Subdivision::default() }, &radiance);
     let field = NearField::build(&room, patches.expect("a sound room"), &Preparation::default(), &|_| ());
     let field = field.expect("a lit room");
-    let known = Arc::new(KnownRoom { room, field, suns: Vec::new(), report: RoomReport::default() });
+    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
+    let known = Arc::new(KnownRoom { room, field, volume, suns: Vec::new(), report: RoomReport::default() });
     match CpuEngine::new(None) {
         Ok(mut engine) => drop(table(&mut engine, "CPU", &known)),
         Err(error) => println!("  {error}"),
