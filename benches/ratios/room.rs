@@ -24,7 +24,7 @@ use halflight::{
     },
     nearfield::{
         field::{NearField, Preparation},
-        irradiance::IrradianceVolume,
+        irradiance::{IrradianceVolume, VolumeSettings},
         patches::{Subdivision, subdivide},
         prepare::{KnownRoom, RoomReport},
     },
@@ -137,7 +137,7 @@ pub fn run() {
     let patches = subdivide(&room, &Subdivision { patches: 1500, ..Subdivision::default() }, &radiance);
     let field = NearField::build(&room, patches.expect("a sound room"), &Preparation::default(), &|_| ());
     let field = field.expect("a lit room");
-    let volume = IrradianceVolume::default();
+    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
     let known = Arc::new(KnownRoom {
         sun_rgb: vec![[0.0; 3]; field.patches.vertices.len()],
         reflectance_measured: vec![false; field.patches.patches.len()],

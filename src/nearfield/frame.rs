@@ -12,7 +12,7 @@ use crate::{
     math::{lens::Lens, pose::Pose},
     sources::expand::Priority,
     visibility::{
-        point_maps::{LightPlaces, PointMaps},
+        point_maps::{LightPlaces, PlaceReads, PointMaps},
         proxies::Proxies,
     },
 };
@@ -49,6 +49,7 @@ pub struct NearFrame {
     boxes: Vec<Aabb>,
     maps: PointMaps,
     places: Vec<LightPlaces>,
+    reads: Vec<PlaceReads>,
     /// Radiant intensity of each light along its normal: sum of radiance times area.
     intensities: Vec<[f32; 3]>,
     /// For each triangle where its lights begin and end in `listed`.
@@ -94,6 +95,8 @@ impl NearFrame {
             let along = |v: Vec3| camera.as_ref().map_or([0.0; 3], |c| c.along_axes(v));
             LightPlaces { half_axes: half_axes.map(along), side }
         }));
+        self.reads.clear();
+        self.reads.extend(self.places.iter().map(|places| PlaceReads::new(places, reach_m(places))));
     }
 
     /// Draws the maps, on the CPU.
@@ -107,8 +110,8 @@ impl NearFrame {
         let lights = self.chosen.near().len();
         self.ranges.resize(triangles.len(), [0; 2]);
         self.chunks.resize_with(triangles.len().div_ceil(CHUNK), Vec::new);
-        let Self { marks, rows, maps, places, ranges, chunks, vertices, .. } = self;
-        let (marks, rows, maps, places, vertices) = (&*marks, &*rows, &*maps, &*places, *vertices);
+        let Self { marks, rows, maps, reads, ranges, chunks, vertices, .. } = self;
+        let (marks, rows, maps, reads, vertices) = (&*marks, &*rows, &*maps, &*reads, *vertices);
         let parts = ranges.par_chunks_mut(CHUNK).zip(triangles.par_chunks(CHUNK)).zip(chunks.par_iter_mut());
         parts.for_each(|((ranges, triangles), chunk)| {
             chunk.clear();
@@ -122,8 +125,8 @@ impl NearFrame {
                     let row = |k: usize, v: u32| rows.get(k * vertices + v as usize).copied();
                     chunk.extend((0..lights).filter_map(|k| {
                         let shines = triangle.iter().any(|&v| row(k, v).is_some_and(|rgb| rgb != [0.0; 3]));
-                        let reach = reach_m(&places[k]);
-                        (shines && maps.may_shadow(k, &corners, reach, is_drawn)).then_some(k as u16)
+                        let reach_m = reads[k].reach_m();
+                        (shines && maps.may_shadow(k, &corners, reach_m, is_drawn)).then_some(k as u16)
                     }));
                 }
                 *range = [begin, chunk.len() as u32];
@@ -170,6 +173,11 @@ impl NearFrame {
     /// What each light's filter goes over.
     pub fn places(&self) -> &[LightPlaces] {
         &self.places
+    }
+
+    /// The same, made ready to read each light's map.
+    pub fn reads(&self) -> &[PlaceReads] {
+        &self.reads
     }
 
     /// Stand-ins of the objects, world frame, metres.

@@ -4,7 +4,7 @@
 //! tone map follows. Twin: `shaders/nearfield/subtract.wgsl`.
 
 use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
-use crate::visibility::{point_maps, shadow_maps::ShadowMaps};
+use crate::{math::widest::widest, visibility::shadow_maps::ShadowMaps};
 use glam::Vec3;
 
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
@@ -25,59 +25,78 @@ pub struct SubtractFrame<'a> {
     pub taps: u32,
 }
 
-/// A point of a triangle of the room.
+/// Neighbours on a triangle of the room.
 #[derive(Clone, Copy, Debug)]
-pub struct RoomPoint {
-    /// World frame, metres.
-    pub position_world: Vec3,
-    /// Weights of the triangle's corners, sum 1.
-    pub weights: [f32; 3],
+pub struct RoomPoints<'a, const N: usize> {
+    /// Number of the triangle in `NearFrame::list`.
+    pub triangle: usize,
+    /// Its corners as numbers of the field's vertices.
+    pub corners: [u32; 3],
+    /// Unit normal of its front.
+    pub normal: Vec3,
+    /// World frame, metres, coordinate by coordinate; the last of those that count stands in for the rest.
+    pub points_world: &'a [[f32; N]; 3],
 }
 
-/// The ratio, each channel within [0, 1], at points of triangle `t` (its number in `NearFrame::list`, corners as numbers of
-/// the field's vertices, unit normal of its front); one for each point.
-pub fn at_points(
+/// Whether something may be taken from a triangle: elsewhere every ratio is 1.
+pub fn may_take(with: &SubtractFrame<'_>, triangle: usize) -> bool {
+    !(with.frame.listed(triangle).is_empty() && with.suns.is_empty())
+}
+
+/// The ratio, each channel within [0, 1], at the first points of a run along a straight line, one for each of `out` (at
+/// most N); `weights` gives the weights of the triangle's corners at a point, sum 1.
+pub fn at_points<const N: usize>(
     with: &SubtractFrame<'_>,
-    t: usize,
-    corners: [u32; 3],
-    normal: Vec3,
-    points: &[RoomPoint],
+    run: &RoomPoints<'_, N>,
+    weights: impl Fn(usize) -> [f32; 3],
     out: &mut [[f32; 3]],
 ) {
-    let listed = with.frame.listed(t);
-    if listed.is_empty() && with.suns.is_empty() {
-        out.fill([1.0; 3]);
-        return;
+    let count = out.len().min(N);
+    let out = &mut out[..count];
+    let (corners, normal, points) = (run.corners, run.normal, run.points_world);
+    let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
+    let (mut all, mut blocked) = ([[0.0f32; 3]; N], [[0.0f32; 3]; N]);
+    if !with.suns.is_empty() {
+        for i in 0..count {
+            [all[i], blocked[i]] = with.suns.at(point(i), normal, with.sun_shadows, with.taps);
+        }
     }
-    let lit = corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
-    for (point, out) in points.iter().zip(out.iter_mut()) {
-        let [all, mut blocked] = if with.suns.is_empty() {
-            [[0.0; 3]; 2]
-        } else {
-            with.suns.at(point.position_world, normal, with.sun_shadows, with.taps)
+    let ends = [point(0), point(count.max(1) - 1)];
+    let frame = with.frame;
+    for &k in frame.listed(run.triangle) {
+        let light = usize::from(k);
+        let (Some((camera, map)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
+            continue;
         };
-        for &k in listed {
-            let Some((camera, map)) = with.frame.maps().get(k.into()) else { continue };
-            let Some(mapped) = camera.map(point.position_world) else { continue };
-            let slope = camera.slope(point.position_world, normal);
-            let places = &with.frame.places()[usize::from(k)];
-            let visible = point_maps::visibility(map.depth(), camera, places, mapped, slope);
-            if visible >= 1.0 {
-                continue;
-            }
-            let sent = corners.map(|v| with.frame.sent(k.into(), v));
-            let light = interpolated(&sent, point.weights);
-            for (b, l) in blocked.iter_mut().zip(light) {
-                *b += l * (1.0 - visible);
+        if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
+            continue;
+        }
+        let visible = widest(
+            #[inline(always)]
+            || reads.visibility(map, camera, points, normal),
+        );
+        if visible[..count].iter().all(|v| *v >= 1.0) {
+            continue;
+        }
+        let sent = corners.map(|v| frame.sent(light, v));
+        for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
+            if *visible < 1.0 {
+                let light = interpolated(&sent, weights(i));
+                for (b, l) in blocked.iter_mut().zip(light) {
+                    *b += l * (1.0 - visible);
+                }
             }
         }
-        *out = if blocked == [0.0; 3] {
+    }
+    let lit = corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = if blocked[i] == [0.0; 3] {
             [1.0; 3]
         } else {
-            let gathered = interpolated(&lit, point.weights);
+            let gathered = interpolated(&lit, weights(i));
             std::array::from_fn(|c| {
-                let whole = all[c] + gathered[c];
-                if whole > TINY_LIGHT { (1.0 - blocked[c] / whole).clamp(0.0, 1.0) } else { 1.0 }
+                let whole = all[i][c] + gathered[c];
+                if whole > TINY_LIGHT { (1.0 - blocked[i][c] / whole).clamp(0.0, 1.0) } else { 1.0 }
             })
         };
     }

@@ -7,6 +7,10 @@ use super::shadow_maps::{EDGE_TEXELS, EMPTY_DEPTH, MAX_BIAS_TEXELS, ROUNDING_TEX
 use glam::Vec3;
 use rayon::prelude::*;
 
+mod places;
+
+pub use places::PlaceReads;
+
 /// A map looks no farther off its axis than this tangent (80 degrees): what lies beyond is lit.
 const WIDEST: f32 = 5.7;
 /// The near plane lies no nearer to the light than this share of the farthest caster's distance. Casters nearer than it
@@ -211,19 +215,34 @@ impl PointMaps {
 
     /// Whether a light's shadow may fall on some point of a triangle (world frame). `reach_m` is how far the light's places
     /// move what the map is read at, metres at the light; `is_drawn`: what the map holds counts, else its borders alone.
-    pub fn may_shadow(&self, k: usize, corners_world: &[Vec3; 3], reach_m: f32, is_drawn: bool) -> bool {
+    pub fn may_shadow<const N: usize>(
+        &self,
+        k: usize,
+        corners_world: &[Vec3; N],
+        reach_m: f32,
+        is_drawn: bool,
+    ) -> bool {
         let Some((camera, map)) = self.get(k) else { return false };
-        let mapped = corners_world.map(|p| camera.map(p));
-        if mapped.iter().all(Option::is_none) {
-            // All before the near plane: before every caster.
-            return false;
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let mut before = 0;
+        for corner in corners_world {
+            let Some(mapped) = camera.map(*corner) else {
+                before += 1;
+                continue;
+            };
+            for i in 0..3 {
+                (low[i], high[i]) = (low[i].min(mapped[i]), high[i].max(mapped[i]));
+            }
         }
-        let [Some(a), Some(b), Some(c)] = mapped else { return true };
+        if before > 0 {
+            // All before the near plane: before every caster.
+            return before < N;
+        }
         // The filter looks as far as it would for a blocker at the near plane.
-        let behind = a[2].max(b[2]).max(c[2]) / camera.near_m;
+        let behind = high[2] / camera.near_m;
         let room = reach_m * behind / camera.texel + SMOOTH_TEXELS + 1.0;
-        let low: [f32; 2] = std::array::from_fn(|i| a[i].min(b[i]).min(c[i]) - room);
-        let high: [f32; 2] = std::array::from_fn(|i| a[i].max(b[i]).max(c[i]) + room);
+        let low: [f32; 2] = [low[0] - room, low[1] - room];
+        let high: [f32; 2] = [high[0] + room, high[1] + room];
         let side = camera.texels as f32;
         if !(high[0] >= 0.0 && high[1] >= 0.0 && low[0] <= side && low[1] <= side) {
             return false;

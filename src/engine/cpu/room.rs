@@ -1,6 +1,6 @@
 //! A known room in the frame: its lights, their maps, and what objects leave of them.
 
-use super::{super::RelightInput, Work};
+use super::{super::RelightInput, RUN, Work, points_of};
 use crate::{
     compose::{
         geometry::{ObjectGeometry, SurfaceGeometry},
@@ -13,12 +13,11 @@ use crate::{
         objects as near_objects,
         prepare::KnownRoom,
         shaft::Aabb,
-        subtract::{self, RoomPoint, SubtractFrame},
+        subtract::{self, RoomPoints, SubtractFrame},
         sun_shadows::SunShadows,
     },
     visibility::proxies::{MOST_TRIANGLES, Proxies},
 };
-use glam::Vec3;
 use std::sync::Arc;
 
 /// Texels a side of the suns' maps of the room itself.
@@ -27,8 +26,6 @@ const SUN_TEXELS: u32 = 1024;
 const NEAR_TEXELS_DIVISOR: u32 = 4;
 /// A vertex looks for its own shadow from this share of its object's size before the surface.
 const CLEARANCE: f32 = 0.01;
-/// Neighbours that are handed on together.
-const RUN: usize = 32;
 
 /// A room that was loaded, and the memory of its frames.
 #[derive(Default)]
@@ -168,26 +165,16 @@ impl Work {
             while k < out.len() {
                 let end = (k + row.run(k, RUN).max(1)).min(out.len());
                 let of_room = row.triangle(k).and_then(|t| Some((t, t.checked_sub(first)?)));
-                let corners = of_room.and_then(|(_, t)| triangles.get(t).copied());
-                if let (Some((t, own)), Some(corners)) = (of_room, corners) {
+                let of_room = of_room.filter(|(_, own)| subtract::may_take(&with, *own));
+                let corners = of_room.and_then(|(_, own)| triangles.get(own).copied());
+                let seen = of_room.zip(corners).zip(points_of(row, k, end - k));
+                if let Some((((t, triangle), corners), points)) = seen {
                     let normal = surfaces.facet_normals[t];
-                    let mut points = [RoomPoint { position_world: Vec3::ZERO, weights: [0.0; 3] }; RUN];
-                    let mut is_front = true;
-                    for (i, point) in points.iter_mut().enumerate().take(end - k) {
-                        let Some(fragment) = row.fragment(k + i) else { continue };
-                        is_front &= normal.dot(fragment.to_eye) >= 0.0;
-                        *point =
-                            RoomPoint { position_world: fragment.point_world, weights: fragment.barycentric };
-                    }
-                    if is_front {
-                        subtract::at_points(
-                            &with,
-                            own,
-                            corners,
-                            normal,
-                            &points[..end - k],
-                            &mut out[k..end],
-                        );
+                    if points.see_front(normal) {
+                        let points_world = &points.point_world;
+                        let run = RoomPoints { triangle, corners, normal, points_world };
+                        let weights = |i: usize| row.fragment(k + i).map_or([0.0; 3], |f| f.barycentric);
+                        subtract::at_points(&with, &run, weights, &mut out[k..end]);
                     }
                 }
                 k = end;

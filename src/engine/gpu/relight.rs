@@ -133,14 +133,10 @@ impl Relighter {
             }
         }
         let shades_objects = plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject);
-        if plan.has(Pass::PointMaps) {
-            timer.host(Pass::PointMaps, || {
-                self.twins.find_room_lights(input, quality);
-                // Vertices look for the room's light here.
-                if shades_objects || on_cpu(Pass::PointMaps) {
-                    self.twins.room.draw_maps();
-                }
-            });
+        // Objects in a known room are lit at their vertices, here, through the maps; so those are drawn here too.
+        let maps_drawn = plan.has(Pass::PointMaps) && shades_objects;
+        if maps_drawn {
+            timer.host(Pass::PointMaps, || self.twins.point_maps(input, quality));
         }
         if shades_objects {
             self.twins.prepare_vertices(input, &camera, &light, quality);
@@ -221,16 +217,22 @@ impl Relighter {
                     }
                 }
                 Pass::PointMaps if host => {
+                    if !maps_drawn {
+                        recorder.host(pass, || twins.point_maps(input, quality));
+                    }
                     exchange.point_place = Place::Host;
                 }
                 Pass::PointMaps => {
+                    if !maps_drawn {
+                        recorder.host(pass, || twins.room.find_lights(&twins.objects, input, quality));
+                    }
                     let kernel = ready(&mut self.point_maps, context, PointMaps::new)?;
                     let (frame, triangles) = (&twins.room.frame, twins.room.casters());
                     kernel.run(&mut recorder, frame, triangles, self.spread, &mut exchange.point_maps)?;
                     exchange.point_place = Place::Device;
                 }
                 Pass::Subtract => {
-                    let is_drawn = exchange.point_place == Place::Host;
+                    let is_drawn = maps_drawn || exchange.point_place == Place::Host;
                     if !host {
                         recorder.host(pass, || twins.room.list(is_drawn));
                     }
@@ -260,6 +262,7 @@ impl Relighter {
                     }
                 }
                 Pass::ShadeObject if host => {
+                    exchange.points_to_host(&mut recorder, twins)?;
                     exchange.shadow_to_host(&mut recorder, twins)?;
                     recorder.host(pass, || {
                         twins.shade_object(input, &camera, &light, quality);
