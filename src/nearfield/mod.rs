@@ -20,6 +20,7 @@ pub mod shadow_edges;
 pub mod shaft;
 pub mod shafts;
 pub mod soundness;
+pub mod sun_blockers;
 pub mod suns;
 pub mod transfer;
 pub mod two_sets;
