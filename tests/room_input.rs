@@ -14,6 +14,7 @@ use halflight::{
         room::{LoadedRoom, MOST_REFLECTED, decode_room, load_room},
         scene::{RoomLightSource, RoomSource},
     },
+    math::sphere,
     model::{
         image::Image,
         light::{EnvironmentMap, MapLayout},
@@ -21,6 +22,7 @@ use halflight::{
     },
     nearfield::{
         error::RoomError,
+        faces::Faces,
         prepare::{CameraPicture, KnownRoom, RoomLight, RoomSettings, prepare},
     },
 };
@@ -198,6 +200,72 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
     assert!(error.contains("room.glb") && error.contains("must be inside of the room"), "{error}");
     let error = ready(0.3, MapLayout::Cube).unwrap_err();
     assert!(error.contains("grey.png") && error.contains("32 x 16 pixels as Cube"), "{error}");
+}
+
+/// The room with a window a hand's width before one wall; from the origin the probe sees walls of 1, the window of 5, and in it a
+/// sun of 1e4, 2.4 degrees wide.
+fn sunny() -> (Room, EnvironmentMap, Vec3) {
+    let mut parts = room();
+    let window = [[-0.8, 0.2], [0.8, 0.2], [0.8, 1.5], [-0.8, 1.5]].map(|[y, z]| [-1.95, y, z]);
+    parts[1] = Part {
+        name: "window",
+        corners: window.to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        material: material(0.0, 0.0),
+    };
+    let room = decode(&parts).unwrap().room;
+    let towards = Vec3::new(-1.8, 0.1, 0.8).normalize();
+    let faces = Faces::of_room(&room);
+    let mut picture = Image::filled(720, 360, [0.0f32; 3]);
+    for y in 0..360 {
+        for x in 0..720 {
+            let (u, v) = ((x as f64 + 0.5) / 720.0, (y as f64 + 0.5) / 360.0);
+            let d = sphere::equirect_direction(u, v).as_vec3();
+            let surface = faces.first(Vec3::ZERO, d).unwrap().index;
+            let in_sun = d.angle_between(towards) < 1.2f32.to_radians();
+            *picture.at_mut(x, y) = if in_sun { [1e4; 3] } else { [[1.0; 3], [5.0; 3]][surface as usize] };
+        }
+    }
+    (room, EnvironmentMap { layout: MapLayout::Equirect, radiance: picture }, towards)
+}
+
+#[test]
+fn the_sun_behind_a_window_shines_in() {
+    let (room, map, towards) = sunny();
+    let split = prepared(room.clone(), probe(&map, Vec3::ZERO)).unwrap();
+    let [sun] = &split.suns[..] else { panic!("{:?}", split.suns) };
+    assert_eq!((&sun.apertures[..], &*split.room.surfaces[1].name), (&[1][..], "window"));
+    assert!(towards.angle_between(Vec3::from(sun.to_light_world)) < 2e-3);
+    // 1e4 over a disc of 1.2 degrees less the window's own light; 5 % for whole texels at its rim.
+    let want = (1e4 - 5.0) * std::f32::consts::TAU * (1.0 - 1.2f32.to_radians().cos());
+    assert!((sun.irradiance_rgb[0] / want - 1.0).abs() < 0.05, "{} of {want}", sun.irradiance_rgb[0]);
+    let windows = |known: &KnownRoom| {
+        let own = known.field.patches.patches.iter().filter(|p| p.surface == 1);
+        own.map(|p| p.radiance_rgb[0]).fold((f32::INFINITY, 0.0f32), |(l, h), r| (l.min(r), h.max(r)))
+    };
+    let (least, most) = windows(&split);
+    assert!(least > 4.0 && most < 5.01, "{least} to {most}");
+    // Corners in the sun get all of it, the others nothing.
+    let mut lit = 0;
+    for (vertex, got) in split.field.patches.vertices.iter().zip(&split.sun_rgb) {
+        let cosine = vertex.normal_world.dot(Vec3::from(sun.to_light_world));
+        let all = sun.irradiance_rgb[0] * cosine / std::f32::consts::PI;
+        assert!(got[0] == 0.0 || (got[0] / all - 1.0).abs() < 1e-5);
+        lit += usize::from(got[0] > 0.0);
+    }
+    assert!(lit > 10 && lit < split.sun_rgb.len() / 4, "{lit} of {}", split.sun_rgb.len());
+    // All light of before is there; as part of the window it would have shone everywhere.
+    let RoomLight::Probe { map: same, world_from_map, position_world, .. } = probe(&map, Vec3::ZERO) else {
+        panic!()
+    };
+    let whole = RoomLight::Probe { map: same, world_from_map, position_world, factor_sun: false };
+    let whole = prepared(room, whole).unwrap();
+    assert!(whole.suns.is_empty() && windows(&whole).1 > 100.0);
+    let (before, after) = (whole.report.probe.unwrap(), split.report.probe.unwrap());
+    for c in 0..3 {
+        let sum = after.patch_flux_rgb[c] + f64::from(sun.irradiance_rgb[c]);
+        assert!((sum / before.patch_flux_rgb[c] - 1.0).abs() < 1e-5, "{c}: {sum}");
+    }
 }
 
 /// Measured: differences of measured albedos from the case's, over these: 0.0127 in the mean and 0.337 at worst, 0.0118 and

@@ -57,7 +57,8 @@ pub struct RoomSun {
     /// Root mean square angle to its own direction, by flux, radians.
     pub extent_rad: f32,
     /// Indices into [`Room::surfaces`], ascending: where a ray towards the sun first meets one of these, it is outside, and
-    /// nothing behind hides the sun (windows are often modelled before an unbroken wall). All others hide it.
+    /// nothing behind hides the sun (windows are often modelled before an unbroken wall). All others hide it:
+    /// `nearfield::sun_blockers`.
     pub apertures: Vec<u32>,
 }
 

@@ -24,6 +24,7 @@ pub mod shaft;
 pub mod shafts;
 pub mod soundness;
 pub mod subtract;
+pub mod sun_blockers;
 pub mod sun_shadows;
 pub mod suns;
 pub mod transfer;
