@@ -1,12 +1,9 @@
 //! A known room's light on virtual objects: all of it from the irradiance volume, and of that the frame's lights with the
 //! shadows that objects throw on themselves and on one another, from the same maps (Sections 7.2 and 7.3 of [Gib03]).
 
-use super::{frame::NearFrame, irradiance::IrradianceVolume, prepare::KnownRoom};
+use super::{faces::Faces, frame::NearFrame, irradiance::IrradianceVolume, prepare::KnownRoom};
 use crate::{
-    model::{
-        light::{HardLight, Lights},
-        room::{Room, RoomSun},
-    },
+    model::light::{HardLight, Lights},
     visibility::point_maps,
 };
 use glam::Vec3;
@@ -64,11 +61,12 @@ pub fn white_at(
 const LEAST_SHARE: f32 = 1e-6;
 
 /// A known room's light at a place, as objects there are lit with: the volume's, and every sun of the room in its order, as far
-/// as the room lets it through to the place (a world point, metres).
-pub fn lights_at(known: &KnownRoom, point_world: Vec3) -> Lights {
+/// as the room (`faces`: its own) lets it through to the place (a world point, metres).
+pub fn lights_at(known: &KnownRoom, faces: &Faces, point_world: Vec3) -> Lights {
     let mut lights = Lights::soft(known.volume.sample(point_world));
     for sun in &known.suns {
-        let share = if hides_sun(&known.room, sun, point_world) { LEAST_SHARE } else { 1.0 };
+        let arrives = faces.leaves(point_world, Vec3::from(sun.to_light_world), &sun.apertures);
+        let share = if arrives { 1.0 } else { LEAST_SHARE };
         lights.hard.push(HardLight {
             to_light_world: sun.to_light_world,
             irradiance_rgb: sun.irradiance_rgb.map(|e| e * share),
@@ -78,35 +76,48 @@ pub fn lights_at(known: &KnownRoom, point_world: Vec3) -> Lights {
     lights
 }
 
-/// Whether the room stands between a place and a sun. Looks at every face: for one place a frame.
-fn hides_sun(room: &Room, sun: &RoomSun, from: Vec3) -> bool {
-    let towards = Vec3::from(sun.to_light_world);
-    let stands = |index: usize| !sun.apertures.contains(&(index as u32));
-    room.surfaces.iter().enumerate().filter(|(index, _)| stands(*index)).any(|(_, surface)| {
-        let corner = |i: u32| surface.corners_world.get(i as usize).copied();
-        surface.faces.iter().any(|face| {
-            let list = face.corners();
-            (1..list.len() - 1).any(|k| {
-                let [Some(a), Some(b), Some(c)] = [list[0], list[k], list[k + 1]].map(corner) else {
-                    return false;
-                };
-                meets(from, towards, [a, b, c])
-            })
-        })
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::room::RoomSun;
+    use crate::nearfield::{
+        fixture,
+        prepare::{RoomLight, RoomSettings, prepare},
+    };
 
-/// Whether a ray meets a triangle from either side, edges counting.
-fn meets(from: Vec3, towards: Vec3, [a, b, c]: [Vec3; 3]) -> bool {
-    let (ab, ac) = (b - a, c - a);
-    let across = towards.cross(ac);
-    let volume = ab.dot(across);
-    if volume.abs() < 1e-12 {
-        return false;
+    fn known() -> KnownRoom {
+        prepare(fixture::room(), &RoomSettings::default(), RoomLight::Given, None, &|_| ()).unwrap()
     }
-    let to = from - a;
-    let u = to.dot(across) / volume;
-    let up = to.cross(ab);
-    let v = towards.dot(up) / volume;
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(up) / volume > 1e-5
+
+    #[test]
+    fn under_the_table_it_is_darker_than_on_it() {
+        let known = known();
+        let frame = NearFrame::default();
+        let white = |at: Vec3| white_at(&known.volume, &frame, at, Vec3::Z, 1.0)[0];
+        let (on, under) = (white(Vec3::new(0.3, -0.2, 0.2)), white(Vec3::new(0.0, 0.0, -0.5)));
+        assert!(on > 0.0 && under < 0.4 * on, "{under} under, {on} on the table");
+        // What the object itself leaves open counts where no light of the frame is known.
+        let half = white_at(&known.volume, &frame, Vec3::new(0.3, -0.2, 0.2), Vec3::Z, 0.5)[0];
+        assert!((half / on - 0.5).abs() < 1e-5);
+    }
+
+    #[test]
+    fn suns_shine_where_the_room_lets_them() {
+        let mut known = known();
+        let sun = |z: f32, apertures: Vec<u32>| RoomSun {
+            to_light_world: Vec3::new(-0.5, -0.3, z).normalize().to_array(),
+            irradiance_rgb: [2.0, 1.8, 1.5],
+            extent_rad: 0.005,
+            apertures,
+        };
+        // The walls are surface 0: one sun through them, one that they hide.
+        known.suns = vec![sun(1.0, vec![0]), sun(1.2, vec![])];
+        let faces = Faces::of_room(&known.room);
+        let on = lights_at(&known, &faces, Vec3::new(0.0, 0.0, 0.2));
+        let strengths: Vec<f32> = on.hard.as_slice().iter().map(|h| h.irradiance_rgb[0]).collect();
+        assert_eq!(strengths.len(), 2, "each keeps its place");
+        assert!(strengths[0] == 2.0 && strengths[1] > 0.0 && strengths[1] < 1e-5, "{strengths:?}");
+        let under = lights_at(&known, &faces, Vec3::new(0.0, 0.0, -0.3));
+        assert!(under.hard.as_slice()[0].irradiance_rgb[0] < 1e-5, "the table hides it");
+    }
 }

@@ -18,7 +18,7 @@ use crate::model::{
     scene::Scene,
     time::Timestamp,
 };
-use crate::nearfield::{objects, prepare::KnownRoom};
+use crate::nearfield::{faces::Faces, objects, prepare::KnownRoom};
 use crate::plan::{
     FramePlan,
     effects::{self, Occasion},
@@ -40,7 +40,7 @@ pub struct Presenting {
     view: PictureView,
     views: Views,
     /// The room that the scene stands in, which the engine was given.
-    room: Option<Arc<KnownRoom>>,
+    room: Option<(Arc<KnownRoom>, Faces)>,
 }
 
 impl Presenting {
@@ -63,7 +63,8 @@ impl Presenting {
 
     /// The known room that the scene stands in.
     pub fn take_room(&mut self, room: Arc<KnownRoom>) {
-        self.room = Some(room);
+        let faces = Faces::of_room(&room.room);
+        self.room = Some((room, faces));
     }
 
     /// Whether the scene's light comes from a known room.
@@ -108,7 +109,8 @@ impl Presenting {
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
-        let in_room = self.room.as_ref().map(|room| objects::lights_at(room, self.middle_of_objects()));
+        let in_room =
+            self.room.as_ref().map(|(room, faces)| objects::lights_at(room, faces, self.middle_of_objects()));
         let light = in_room.as_ref().or(light).ok_or("light not measured yet")?;
         let input = RelightInput {
             background,

@@ -391,3 +391,6 @@ pub fn visibility(
     let lit = (0..n * n).filter(|&k| read(blocker, k).is_none()).count();
     lit as f32 / (n * n) as f32
 }
+
+#[cfg(test)]
+mod tests;

@@ -29,7 +29,7 @@ use crate::model::{
     rig::MirrorBall,
     scene::Scene,
 };
-use crate::nearfield::objects;
+use crate::nearfield::{faces::Faces, objects};
 use crate::pipeline::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
 use std::path::Path;
@@ -140,7 +140,7 @@ pub fn of_scene(
     let mut scene = file.scene.clone();
     let room = known_room::of_scene(file, &mut scene).map_err(|e| CliError(e.to_string()))?;
     let light = match &room {
-        Some(room) => objects::lights_at(room, middle_of(&scene)),
+        Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&scene)),
         None => light,
     };
     blocker_spheres::fit(&mut scene, quality.spheres);
