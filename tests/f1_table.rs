@@ -53,9 +53,11 @@ fn every_split_and_number_of_maps() {
         ];
         let errors = row(&shared, id, "split", &others);
         println!("{:36} paper's split over the plane, known: {paper}", "");
-        // Within 20 % of the known column but for studio_lamps, which is 20.2 % below: the same split with exact visibility
-        // is 19.4 % below (tests/split_dial.rs holds it to 20 %), and our ratios never leave 0 to 1.
-        assert!((errors[0] / paper - 1.0).abs() < 0.22, "{id}: paper {}, known {paper}", errors[0]);
+        // Within 20 % of the known column but for studio_lamps, which is 20.2 % below. Exact visibility of all light is
+        // 18.1 % below it, ratios kept within 0 to 1 18.5 %, and with the product of soft light and lobe cut to order 4, as
+        // Section 6.2 of [Now11] does, 20.5 % (tests/split_dial.rs). The shadow map has no part in it: 4096 texels make it
+        // 20.16 %, one tap 20.15 %, eight taps 20.3 %. The column is what an error costs: less is not worse.
+        assert!((errors[0] / paper - 1.0).abs() < 0.205, "{id}: paper {}, known {paper}", errors[0]);
     }
     // Under a sun few maps do better than by energy times extent (0.34 at n = 2, 0.31 at n = 4).
     let few = row(&shared, "f1_sun_beach_one", "compact", &[("1", compact(1)), ("2", compact(2))]);

@@ -9,6 +9,7 @@ use halflight::assets::{
     case::{self, Case, EmitterKind, Shape},
     pictures,
 };
+use halflight::compose::{shade_object::LightTerms, shade_surface, soft_shadow::Transfer};
 use halflight::light::{
     compact::CompactSplit,
     maps,
@@ -83,7 +84,8 @@ struct Scene {
     truth: Vec<f32>,
 }
 
-fn scene(shared: &std::path::Path, id: &str) -> Scene {
+/// A case with every pixel of every `step`-th diagonal.
+fn scene(shared: &std::path::Path, id: &str, step: usize) -> Scene {
     let case = case::load(&shared.join("reference").join(id)).unwrap();
     let EmitterKind::Environment { file } = &case.emitters[0].kind else { panic!() };
     let radiance = pictures::load_raw(file).unwrap();
@@ -101,7 +103,7 @@ fn scene(shared: &std::path::Path, id: &str) -> Scene {
     for (i, (rgb, &m)) in picture.pixels().iter().zip(mask.pixels()).enumerate() {
         let (x, y) = (i % 256, i / 256);
         let ratio = gray(*rgb);
-        if m > 0 || ratio >= 0.93 || (x + y) % 3 > 0 {
+        if m > 0 || ratio >= 0.93 || (x + y) % step > 0 {
             continue;
         }
         // 2 x 2 sub-pixels.
@@ -138,7 +140,7 @@ fn more_maps_mean_less_error_and_less_than_by_energy_times_extent() {
     let Some(shared) = support::shared("split_dial") else { return };
     println!("{:28}{}", "relative RMSE, maps:", MAPS.map(|n| format!("{n:7}")).concat());
     for (id, table) in TABLE {
-        let scene = scene(&shared, id);
+        let scene = scene(&shared, id, 3);
         let total = project_sh(&scene.samples, 4);
         let mut split = CompactSplit::new();
         split.update(&scene.samples, 1.0, 0.0, true);
@@ -156,6 +158,21 @@ fn more_maps_mean_less_error_and_less_than_by_energy_times_extent() {
     }
 }
 
+/// With what is below in the light: a matt plane of albedo 0.6 under its sky.
+fn over_its_plane(mut scene: Scene) -> Scene {
+    let mut sum = [0.0f32; 3];
+    for (d, r) in scene.samples.directions.iter().zip(&scene.samples.radiance) {
+        (0..3).for_each(|c| sum[c] += r[c] * d[2] * d[3]);
+    }
+    let [r, g, b] = sum.map(|e| 0.6 * e / std::f32::consts::PI);
+    for k in 0..scene.samples.directions.len() {
+        let [x, y, z, w] = scene.samples.directions[k];
+        scene.samples.directions.push([x, y, -z, w]);
+        scene.samples.radiance.push([r, g, b, 0.0]);
+    }
+    scene
+}
+
 /// The paper's split over the plane's own light, as the formulas' table has it.
 const PAPER: [(&str, f32); 4] = [
     ("f1_sun_beach_one", 0.93),
@@ -168,21 +185,58 @@ const PAPER: [(&str, f32); 4] = [
 fn the_papers_split_costs_what_the_formulas_say() {
     let Some(shared) = support::shared("the_papers_split_costs_what_the_formulas_say") else { return };
     for (id, known) in PAPER {
-        let mut scene = scene(&shared, id);
-        // Below: a matt plane of albedo 0.6 under that sky.
-        let mut sum = [0.0f32; 3];
-        for (d, r) in scene.samples.directions.iter().zip(&scene.samples.radiance) {
-            (0..3).for_each(|c| sum[c] += r[c] * d[2] * d[3]);
-        }
-        let [r, g, b] = sum.map(|e| 0.6 * e / std::f32::consts::PI);
-        for k in 0..scene.samples.directions.len() {
-            let [x, y, z, w] = scene.samples.directions[k];
-            scene.samples.directions.push([x, y, -z, w]);
-            scene.samples.radiance.push([r, g, b, 0.0]);
-        }
+        let scene = over_its_plane(scene(&shared, id, 3));
         let lights = split(&project_sh(&scene.samples, 4), &SplitOptions::default()).into();
         let e = error(&ratios(&lights, &scene.spheres, &scene.points), &scene.truth);
         println!("{id:28} paper {e:.3}, known {known}");
         assert!((e / known - 1.0).abs() < 0.2, "{id}: {e}, known {known}");
     }
+}
+
+/// Why the product is 20.2 % below the table's figure for the paper's split of studio_lamps (tests/f1_table.rs), where exact
+/// visibility is 18.1 % below: the shadow map is not to blame (of 4096 texels, or with 1 to 8 taps, it moves the figure by
+/// 0.2 % at most), but the paper's own Section 6.2, which cuts the product of soft light and lobe to the order of the light.
+#[test]
+fn cutting_the_soft_transfer_makes_the_papers_split_better_than_the_table() {
+    let Some(shared) = support::shared("cutting_the_soft_transfer") else { return };
+    let scene = over_its_plane(scene(&shared, "f1_studio_lamps_five", 1));
+    let lights: Lights = split(&project_sh(&scene.samples, 4), &SplitOptions::default()).into();
+    let exact = ratios(&lights, &scene.spheres, &scene.points);
+    let clamped: Vec<f32> = exact.iter().map(|ratio| ratio.clamp(0.0, 1.0)).collect();
+    // What the product takes at a point, with every sphere as it is.
+    let terms = LightTerms::of(&lights);
+    let mut transfer = Transfer::default();
+    transfer.update(&terms);
+    let row = transfer.of_normal(Vec3::Z);
+    let whole = gray(shade_surface::whole(&terms, Vec3::Z));
+    let count = 2 * DIRECTIONS;
+    let blocked: Vec<(Vec3, f32)> = (0..count)
+        .map(|j| {
+            let z = 1.0 - 2.0 * (j as f32 + 0.5) / count as f32;
+            let phi = std::f32::consts::PI * (1.0 + 5f32.sqrt()) * (j as f32 + 0.5);
+            let r = (1.0 - z * z).sqrt();
+            let w = Vec3::new(r * phi.cos(), r * phi.sin(), z);
+            let mut y = [0.0f32; 36];
+            evaluate(4, w.to_array(), &mut y);
+            let radiated: f32 = row.iter().zip(&y[..16]).map(|(t, y)| gray(*t) * y).sum();
+            (w, std::f32::consts::PI * radiated * 4.0 * std::f32::consts::PI / count as f32)
+        })
+        .collect();
+    let sun = &lights.hard.as_slice()[0];
+    let to_sun = Vec3::from(sun.to_light_world);
+    let cut: Vec<f32> = scene
+        .points
+        .par_iter()
+        .map(|&p| {
+            let soft: f32 = blocked.iter().filter(|d| !scene.spheres.open(p, d.0)).map(|d| d.1).sum();
+            let hard = if scene.spheres.open(p, to_sun) { 0.0 } else { gray(sun.irradiance_rgb) * to_sun.z };
+            (1.0 - (soft.max(0.0) + hard) / whole).clamp(0.0, 1.0)
+        })
+        .collect();
+    let [exact, clamped, cut] = [&exact, &clamped, &cut].map(|got| error(got, &scene.truth) / 2.06 - 1.0);
+    println!("against 2.06: exact {exact:+.3}, within 0 to 1 {clamped:+.3}, cut to order 4 {cut:+.3}");
+    // Measured: -0.181, -0.185, -0.205; the product lies between the last two.
+    assert!((exact + 0.181).abs() < 0.004, "{exact}");
+    assert!((clamped + 0.185).abs() < 0.004, "{clamped}");
+    assert!((cut + 0.205).abs() < 0.004, "{cut}");
 }

@@ -138,7 +138,15 @@ pub fn run() {
     let field = NearField::build(&room, patches.expect("a sound room"), &Preparation::default(), &|_| ());
     let field = field.expect("a lit room");
     let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
-    let known = Arc::new(KnownRoom { room, field, volume, suns: Vec::new(), report: RoomReport::default() });
+    let known = Arc::new(KnownRoom {
+        sun_rgb: vec![[0.0; 3]; field.patches.vertices.len()],
+        reflectance_measured: vec![false; field.patches.patches.len()],
+        room,
+        field,
+        volume,
+        suns: Vec::new(),
+        report: RoomReport::default(),
+    });
     match CpuEngine::new(None) {
         Ok(mut engine) => drop(table(&mut engine, "CPU", &known)),
         Err(error) => println!("  {error}"),

@@ -12,6 +12,7 @@ pub mod record;
 pub mod render;
 pub mod replay;
 pub mod reproduce;
+pub mod room;
 pub mod spheres;
 pub mod synth;
 pub mod tags;
@@ -49,6 +50,8 @@ pub enum Verb {
     Record(record::Arguments),
     /// Fit spheres to a model, for its soft shadow.
     Spheres(spheres::Arguments),
+    /// Show a known room: what its patches send out and reflect, and what a probe saw of it.
+    Room(room::Arguments),
     /// Make a recording of the synthetic room, with its truth.
     Synth(synth::Arguments),
     /// Do an experiment of the papers again: table and plot.
@@ -71,6 +74,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
         Verb::Tags(a) => tags::run(a, common),
         Verb::Record(a) => record::run(a, common),
         Verb::Spheres(a) => spheres::run(a, common),
+        Verb::Room(a) => room::run(a, common),
         Verb::Synth(a) => synth::run(a, common),
         Verb::Reproduce(a) => reproduce::run(a, common),
         Verb::Check(a) => check::run(a, common),

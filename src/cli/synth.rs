@@ -11,7 +11,7 @@ use glam::DVec3;
 use std::path::PathBuf;
 
 /// Rows of a probe's picture.
-const PROBE_ROWS: usize = 128;
+const PROBE_ROWS: usize = 256;
 
 /// Arguments of `halflight synth`.
 ///

@@ -39,6 +39,15 @@ pub enum MapAxes {
 }
 
 impl MapAxes {
+    /// What "y is up" means for a layout: cube maps are left-handed as D3D and GL have them, other pictures right-handed.
+    pub fn of_up(y_up: bool, layout: MapLayout) -> Self {
+        match (y_up, layout) {
+            (false, _) => Self::World,
+            (true, MapLayout::Cube) => Self::YUp,
+            (true, MapLayout::Equirect | MapLayout::Angular) => Self::YUpRightHanded,
+        }
+    }
+
     /// Map to world, the result turned by `turn_rad` about z (from +x towards +y).
     pub fn world_from_map(self, turn_rad: f64) -> DMat3 {
         let axes = match self {

@@ -52,11 +52,13 @@ pub struct Room {
 pub struct RoomSun {
     /// Unit vector towards it, world frame.
     pub to_light_world: [f32; 3],
-    /// Irradiance on a plane that faces it, outside or behind an aperture.
+    /// Irradiance on a plane that faces it, behind an aperture.
     pub irradiance_rgb: [f32; 3],
     /// Root mean square angle to its own direction, by flux, radians.
     pub extent_rad: f32,
-    /// Indices into [`Room::surfaces`], ascending: those that do not hide it. All others do, with both sides.
+    /// Indices into [`Room::surfaces`], ascending: where a ray towards the sun first meets one of these, it is outside, and
+    /// nothing behind hides the sun (windows are often modelled before an unbroken wall). All others hide it:
+    /// `nearfield::sun_blockers`.
     pub apertures: Vec<u32>,
 }
 

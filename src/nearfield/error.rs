@@ -1,5 +1,7 @@
 //! What can be wrong with a room.
 
+use crate::model::light::MapLayout;
+
 /// Why a room could not be prepared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RoomError {
@@ -30,6 +32,46 @@ pub enum RoomError {
     NoLight {
         /// Patches looked at.
         patches: usize,
+    },
+    /// The probe's picture cannot be read as a sphere.
+    #[error(
+        "room.probe: a picture of {width} x {height} pixels as {layout:?}: must be square for Angular, 1 to 6 for Cube, not empty"
+    )]
+    ProbePicture {
+        /// Its width.
+        width: usize,
+        /// Its height.
+        height: usize,
+        /// What it was said to be.
+        layout: MapLayout,
+    },
+    /// The probe does not stand in the room.
+    #[error(
+        "room.probe_position = {at:?}: from there {fronts:.0} % of all directions meet the front of a surface, {backs:.0} % a back, {nothing:.0} % nothing: must be inside of the room, not in a wall, with faces that look at it"
+    )]
+    ProbeOutside {
+        /// Where it is said to have stood, world frame, metres.
+        at: [f32; 3],
+        /// Directions that meet a front first, per cent.
+        fronts: f32,
+        /// A back.
+        backs: f32,
+        /// Nothing.
+        nothing: f32,
+    },
+    /// The picture that reflectance is read off does not belong to its lens.
+    #[error(
+        "room: a camera picture of {width} x {height} pixels: must be {lens_width} x {lens_height}, as its lens is"
+    )]
+    CameraPicture {
+        /// Its width.
+        width: usize,
+        /// Its height.
+        height: usize,
+        /// The lens's.
+        lens_width: u32,
+        /// The lens's.
+        lens_height: u32,
     },
     /// Nothing reflects.
     #[error("room: none of {patches} patches reflects any light: nothing can receive a shadow")]

@@ -3,7 +3,9 @@
 //! `sources` cuts the marked sources into representatives.
 
 pub mod error;
+pub mod faces;
 pub mod field;
+pub mod fill;
 pub mod form_factor;
 pub mod frame;
 pub mod intensity;
@@ -13,13 +15,18 @@ pub mod objects;
 pub mod octree;
 pub mod patches;
 pub mod prepare;
+pub mod probe;
+pub mod reflectance;
 pub mod representatives;
 pub mod sets;
 pub mod shadow_edges;
 pub mod shaft;
 pub mod shafts;
+pub mod soundness;
 pub mod subtract;
-pub mod sun;
+pub mod sun_blockers;
+pub mod sun_shadows;
+pub mod suns;
 pub mod transfer;
 pub mod two_sets;
 

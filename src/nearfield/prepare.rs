@@ -2,9 +2,13 @@
 
 use super::{
     error::RoomError,
+    faces::Faces,
     field::{NearField, Preparation},
     irradiance::{IrradianceVolume, VolumeSettings},
     patches::{MAX_PATCHES, Subdivision, subdivide},
+    probe::{Mapped, Probe, ProbeReport, map_probe},
+    reflectance::{ReflectanceReport, measure_reflectance},
+    suns::sun_at_vertices,
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
@@ -77,6 +81,11 @@ pub struct KnownRoom {
     pub volume: IrradianceVolume,
     /// Suns that shine in; their light is in no patch.
     pub suns: Vec<RoomSun>,
+    /// What the suns give each vertex, like `NearField::gathered_rgb`: times the diffuse reflectance it is the radiance that
+    /// leaves there.
+    pub sun_rgb: Vec<[f32; 3]>,
+    /// For each patch whether its reflectance was measured by the camera; else it is its surface's.
+    pub reflectance_measured: Vec<bool>,
     /// What was done.
     pub report: RoomReport,
 }
@@ -97,8 +106,10 @@ pub struct RoomReport {
     pub area_m2: f32,
     /// Patches asked for.
     pub patches_wanted: usize,
-    /// Patches whose radiance was not seen by the probe and was filled in; 0 where it is given.
-    pub filled_patches: usize,
+    /// What became of the probe's light; `None` where light is given.
+    pub probe: Option<ProbeReport>,
+    /// What the camera's picture gave; `None` where there is none.
+    pub reflectance: Option<ReflectanceReport>,
 }
 
 /// Makes a room ready. `progress` is told the share done, 0 to 1, from several threads, in no strict order. The result
@@ -106,7 +117,7 @@ pub struct RoomReport {
 ///
 /// # Errors
 /// A setting out of range; no face that has an area; no patch with a radiance above zero; none that reflects; a probe
-/// that is not in the room.
+/// that is not in the room, or whose picture has the wrong shape; a camera's picture that is not of its lens's size.
 pub fn prepare(
     room: Room,
     how: &RoomSettings,
@@ -116,16 +127,28 @@ pub fn prepare(
 ) -> Result<KnownRoom, RoomError> {
     let area_m2 = area_m2(&room);
     let subdivision = Subdivision { patches: patch_count(how, area_m2)?, ..Subdivision::default() };
-    let patches = match light {
-        RoomLight::Given | RoomLight::Probe { .. } => subdivide(&room, &subdivision, &|_| None)?,
+    let lit = |share: f32| progress(LIGHT_SHARE * share);
+    let (patches, suns, probe) = match light {
+        RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
+        RoomLight::Probe { map, world_from_map, position_world, factor_sun } => {
+            let probe = Probe { map, world_from_map, position_world, factor_sun };
+            let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, &lit)?;
+            (patches, suns, Some(report))
+        }
     };
-    let _ = camera;
-    progress(LIGHT_SHARE);
+    lit(1.0);
     let rest = |share: f32| progress(LIGHT_SHARE + (1.0 - LIGHT_SHARE) * share);
     let field = NearField::build(&room, patches, &how.preparation, &rest)?;
-    let report = RoomReport { area_m2, patches_wanted: subdivision.patches, filled_patches: 0 };
+    let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
+    let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
+    let reflectance_measured = vec![false; field.patches.patches.len()];
     let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
-    Ok(KnownRoom { room, field, volume, suns: Vec::new(), report })
+    let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
+    if let Some(camera) = camera {
+        known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
+    }
+    progress(1.0);
+    Ok(known)
 }
 
 fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {
@@ -166,7 +189,8 @@ mod tests {
         assert!((known.report.area_m2 - 61.44).abs() < 0.01, "{}", known.report.area_m2);
         assert_eq!(known.report.patches_wanted, 683);
         assert_eq!(known.field.patches.patches.len(), 683);
-        assert!(known.suns.is_empty() && known.report.filled_patches == 0);
+        assert!(known.suns.is_empty() && known.report.probe.is_none());
+        assert!(known.sun_rgb.iter().flatten().all(|c| *c == 0.0));
     }
 
     #[test]

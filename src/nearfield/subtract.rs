@@ -3,7 +3,7 @@
 //! objects hide, L_x all light that arrives. Sums are in linear light, so no order of the lights matters, and one
 //! tone map follows. Twin: `shaders/nearfield/subtract.wgsl`.
 
-use super::{field::NearField, frame::NearFrame, sun::Suns};
+use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
 use crate::{math::widest::widest, visibility::shadow_maps::ShadowMaps};
 use glam::Vec3;
 
@@ -22,7 +22,7 @@ pub struct SubtractFrame<'a> {
     /// Its lights in this frame, drawn and listed.
     pub frame: &'a NearFrame,
     /// Its suns.
-    pub suns: &'a Suns,
+    pub suns: &'a SunShadows,
     /// The objects' maps under the suns, one each.
     pub sun_shadows: &'a ShadowMaps,
     /// Taps a side of the suns' filter.

@@ -18,7 +18,8 @@ pub fn floats<const N: usize>(
     let divisor = if accessor.normalized() { range(kind) } else { 1.0 };
     rows::<N, f32>(source, accessor, fill, |bytes| {
         let number = number(bytes, kind);
-        ((number / divisor) as f32).max(if divisor == 1.0 { f32::MIN } else { -1.0 })
+        // The lowest signed integer is -1, too. What is not a number stays so, for its reader to refuse.
+        if divisor == 1.0 { number as f32 } else { ((number / divisor) as f32).max(-1.0) }
     })
 }
 

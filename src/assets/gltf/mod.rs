@@ -8,7 +8,7 @@
 //! # What is taken
 //! Triangles, strips and fans; normals (flat ones where the file has none); vertex colours times the base colour
 //! texture, sampled at the vertices, as tints; metallic-roughness materials as the nearest of ours (`material`).
-//! Lights, cameras, emission, transparency, normal and occlusion textures are passed over. `load_figure` also takes the
+//! Lights, cameras, transparency, normal and occlusion textures are passed over, and emission but for `room`. `load_figure` also takes the
 //! nodes, skins and animations; animated morph weights are passed over (the default weights stay), with a warning.
 
 mod accessor;
@@ -17,6 +17,7 @@ mod figure;
 mod material;
 mod pose;
 mod primitive;
+pub mod room;
 mod skeleton;
 mod source;
 pub mod write;

@@ -1,17 +1,19 @@
 //! The still of a scene file: its pictures merged, its light measured or stated, its objects over it.
 
 use super::still::{Quantity, Still, halve_options};
+use crate::animate::posed::Posed;
 use crate::assets::{
     pictures, response,
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
 };
 use crate::cli::{CliError, bracket::steady};
-use crate::daemon::{blocker_spheres, vertex_transfer};
+use crate::daemon::{blocker_spheres, known_room, vertex_transfer};
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::unwrap_ball::BallShot;
 use crate::light::{
     halve::{HalveOptions, halve_still, halve_still_with_rest},
+    maps::MapAxes,
     prefilter::{Prefilter, Wanted},
 };
 use crate::math::color::gray;
@@ -25,9 +27,11 @@ use crate::model::{
     quality::Quality,
     response::Response,
     rig::MirrorBall,
+    scene::Scene,
 };
+use crate::nearfield::objects;
 use crate::pipeline::gray_place::GrayPlace;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 /// Pictures of one bracket in memory.
@@ -73,6 +77,7 @@ pub fn of_scene(
         None => None,
     };
     let total = match &file.light {
+        LightSource::Unstated if file.room.is_some() => None,
         LightSource::Unstated => {
             return Err(CliError(format!(
                 "{}: light: must be measured or stated to draw a still",
@@ -133,6 +138,11 @@ pub fn of_scene(
         light.global.order
     ));
     let mut scene = file.scene.clone();
+    let room = known_room::of_scene(file, &mut scene).map_err(|e| CliError(e.to_string()))?;
+    let light = match &room {
+        Some(room) => objects::lights_at(room, middle_of(&scene)),
+        None => light,
+    };
     blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
     let exposure_s = place.as_ref().and_then(|loaded| loaded.exposures.first()).map(|e| e.effective_s());
@@ -155,10 +165,19 @@ pub fn of_scene(
         response,
         exposure_s,
         quantity: Quantity::Radiance,
-        room: None,
+        room,
         view: PictureView::Final,
         samples: total.map_or_else(RadianceSamples::default, |(_, samples)| samples),
     })
+}
+
+/// The middle of all virtual objects.
+fn middle_of(scene: &Scene) -> Vec3 {
+    let posed = Posed::new(scene);
+    let points = posed.objects().iter().flat_map(|o| &o.positions_world).filter(|p| p.is_finite());
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = points.fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
+    if low.is_finite() { low.midpoint(high) } else { Vec3::ZERO }
 }
 
 /// What de-ringing cost, for people.
@@ -313,13 +332,7 @@ fn read_map(
     let job = EnvironmentMap { layout, radiance };
     let measured =
         engine.estimate_light(&LightJob::Map(&job), quality).map_err(|e| CliError(e.to_string()))?;
-    // y up: cube maps are left-handed as D3D and GL have them, other pictures right-handed.
-    let axes = match (y_up, layout) {
-        (false, _) => DMat3::IDENTITY,
-        (true, MapLayout::Cube) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y),
-        (true, _) => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
-    };
-    let world_from_map = DMat3::from_rotation_z(rotation_deg.to_radians()) * axes;
+    let world_from_map = MapAxes::of_up(y_up, layout).world_from_map(rotation_deg.to_radians());
     let order = measured.total.order;
     let rows = world_from_map.transpose().as_mat3().to_cols_array_2d();
     let mut turned = [[0.0f32; 3]; MAX_COEFFICIENTS];

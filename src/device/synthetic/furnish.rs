@@ -30,7 +30,7 @@ const CEILING: f64 = 1.86;
 const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 
 /// Where the board with the tag stands (the middle of its foot) and how it is turned about z, degrees, in the view of the room.
-pub const BOARD: ([f64; 3], f64) = ([0.36, 0.26, 0.0], -14.0);
+pub const BOARD: ([f64; 3], f64) = ([0.36, 0.22, 0.0], 26.0);
 
 /// The whole room.
 pub fn furnish(view: Subject) -> Plan {
@@ -60,7 +60,7 @@ pub fn furnish(view: Subject) -> Plan {
     table_with_legs(&mut solids, view);
     let first_on_table = solids.len();
     groups.push(first_on_table);
-    on_the_table(&mut solids);
+    on_the_table(&mut solids, view);
     if view == Subject::Room {
         solids.push(Solid::new(
             Shape::standing(BOARD.0, [BOARD_SIDE_M, 0.02, BOARD_SIDE_M], BOARD.1),
@@ -194,7 +194,7 @@ fn table_with_legs(solids: &mut Vec<Solid>, view: Subject) {
     }
 }
 
-fn on_the_table(solids: &mut Vec<Solid>) {
+fn on_the_table(solids: &mut Vec<Solid>, view: Subject) {
     let mug = DVec3::new(-0.03, 0.27, 0.0);
     let glaze = Paint::Glaze(DVec3::new(0.05, 0.20, 0.24), DVec3::new(0.62, 0.58, 0.50));
     let inside = Paint::Plain(DVec3::new(0.66, 0.64, 0.58));
@@ -220,8 +220,12 @@ fn on_the_table(solids: &mut Vec<Solid>) {
     let cream = DVec3::new(0.62, 0.56, 0.42);
     let red = DVec3::new(0.34, 0.045, 0.04);
     let green = DVec3::new(0.05, 0.17, 0.09);
-    solids.push(book([0.38, 0.31, 0.0], [0.17, 0.24, 0.028], 24.0, red, cream));
-    solids.push(book([0.385, 0.305, 0.028], [0.13, 0.19, 0.018], 5.0, green, cream));
+    // The board stands where the books lie otherwise.
+    let has_books = view == Subject::Desk;
+    if has_books {
+        solids.push(book([0.38, 0.31, 0.0], [0.17, 0.24, 0.028], 24.0, red, cream));
+        solids.push(book([0.385, 0.305, 0.028], [0.13, 0.19, 0.018], 5.0, green, cream));
+    }
     solids.push(Solid::new(
         Shape::Sphere { centre: DVec3::new(0.15, 0.33, 0.037), radius: 0.037 },
         &[Paint::Apple],
@@ -231,5 +235,7 @@ fn on_the_table(solids: &mut Vec<Solid>) {
     let toy = Paint::Mottled(DVec3::new(0.48, 0.33, 0.05), 0.06);
     solids.push(Solid::new(Shape::standing([-0.335, 0.225, 0.0], [0.04, 0.04, 0.04], -12.0), &[toy]));
     let pencil = Paint::Plain(DVec3::new(0.55, 0.33, 0.03));
-    solids.push(Solid::new(Shape::standing([0.37, 0.12, 0.0], [0.17, 0.007, 0.007], -14.0), &[pencil]));
+    if has_books {
+        solids.push(Solid::new(Shape::standing([0.37, 0.12, 0.0], [0.17, 0.007, 0.007], -14.0), &[pencil]));
+    }
 }

@@ -43,7 +43,7 @@ const IMU_MARGIN_S: f64 = 0.2;
 /// Focal length in widths of the picture.
 const FOCAL_WIDTHS: f64 = 1.02;
 /// The same of the wider lens for the whole room.
-const ROOM_FOCAL_WIDTHS: f64 = 0.75;
+const ROOM_FOCAL_WIDTHS: f64 = 0.70;
 
 /// The virtual room's camera.
 pub struct SyntheticSource {

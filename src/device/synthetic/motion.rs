@@ -52,9 +52,9 @@ impl Trajectory {
         let fast = |channel| self.strength * sway(self.seed, channel, t, [1.3, 2.6, 4.3]);
         if self.view == Subject::Room {
             // Before the table, at the height of a sitting head.
-            let eye = DVec3::new(0.16 + 0.16 * slow(1), -1.16 + 0.08 * slow(2), 0.30 + 0.07 * slow(3))
+            let eye = DVec3::new(-0.08 + 0.16 * slow(1), -1.18 + 0.08 * slow(2), 0.32 + 0.07 * slow(3))
                 + DVec3::new(fast(4), fast(5), fast(6)) * 0.002;
-            let target = DVec3::new(0.06 + 0.03 * slow(7), 0.1, -0.30 + 0.02 * slow(9))
+            let target = DVec3::new(-0.16 + 0.03 * slow(7), 0.1, -0.22 + 0.02 * slow(9))
                 + DVec3::new(fast(8), 0.0, fast(10)) * 0.002;
             let roll = (1.5 * slow(11) + 0.15 * fast(12)).to_radians();
             let level = Pose::look_at(eye, target, DVec3::Z);

@@ -8,9 +8,9 @@ pub const TAG_SIDE_M: f64 = 0.10;
 /// Side of the white paper that the tag is printed on, metres.
 pub const PAPER_SIDE_M: f64 = 0.15;
 /// Side of the board that stands on the table in the view of the room, and of the black square on it, metres.
-pub const BOARD_SIDE_M: f64 = 0.26;
+pub const BOARD_SIDE_M: f64 = 0.32;
 /// Side of its black square.
-pub const BOARD_TAG_SIDE_M: f64 = 0.20;
+pub const BOARD_TAG_SIDE_M: f64 = 0.24;
 /// The code of tag36h11 number 0: 36 bits, the first one highest.
 const TAG_CODE: u64 = 0xd_7e00_984b;
 const BLACK_INK: DVec3 = DVec3::new(0.035, 0.035, 0.038);

@@ -14,7 +14,7 @@ use crate::{
         prepare::KnownRoom,
         shaft::Aabb,
         subtract::{self, RoomPoints, SubtractFrame},
-        sun::Suns,
+        sun_shadows::SunShadows,
     },
     visibility::proxies::{MOST_TRIANGLES, Proxies},
 };
@@ -33,7 +33,7 @@ pub(in crate::engine) struct RoomWork {
     known: Option<Arc<KnownRoom>>,
     proxies: Proxies,
     pub(in crate::engine) frame: NearFrame,
-    pub(in crate::engine) suns: Suns,
+    pub(in crate::engine) suns: SunShadows,
     /// Number of the room's first triangle among the surfaces, and its triangles' corners as vertices of the room.
     first_triangle: usize,
     triangles: Vec<[u32; 3]>,
@@ -42,7 +42,7 @@ pub(in crate::engine) struct RoomWork {
 impl RoomWork {
     /// Takes a room, or none; [`RoomWork::place`] has to follow.
     pub(in crate::engine) fn take(&mut self, known: Option<Arc<KnownRoom>>) {
-        self.suns = Suns::default();
+        self.suns = SunShadows::default();
         self.triangles.clear();
         if let Some(known) = &known {
             self.suns.load(known, SUN_TEXELS);
@@ -130,8 +130,12 @@ impl Work {
         self.transferred.put(|object, vertex| room.white_at(&known, objects, object, vertex));
     }
 
-    pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+    pub(in crate::engine) fn find_room_lights(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         self.room.find_lights(&self.objects, input, quality);
+    }
+
+    pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+        self.find_room_lights(input, quality);
         self.room.draw_maps();
     }
 

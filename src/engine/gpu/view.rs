@@ -7,7 +7,7 @@ use crate::{
     compose::{raster, shade_object},
     math::lens::{Distortion, Lens},
     model::{light::MAX_HARD_LIGHTS, response::Response},
-    nearfield::{frame::NearFrame, sun::Suns},
+    nearfield::{frame::NearFrame, sun_shadows::SunShadows},
     visibility::{point_maps, shadow_maps},
 };
 
@@ -221,7 +221,7 @@ pub fn near_lights(frame: &NearFrame, [tiles, maps, texels]: [u32; 3], out: &mut
 }
 
 /// The suns of a known room.
-pub fn suns(suns: &Suns) -> params::SunTerms {
+pub fn suns(suns: &SunShadows) -> params::SunTerms {
     let mut terms: params::SunTerms = bytemuck::Zeroable::zeroed();
     terms.counts[0] = suns.len().min(MAX_HARD_LIGHTS) as u32;
     for (k, slot) in terms.suns.iter_mut().enumerate() {
@@ -233,7 +233,7 @@ pub fn suns(suns: &Suns) -> params::SunTerms {
 }
 
 /// The cameras of the room's own maps under them.
-pub fn room_cameras(suns: &Suns) -> params::ShadowCameras {
+pub fn room_cameras(suns: &SunShadows) -> params::ShadowCameras {
     let mut all: params::ShadowCameras = bytemuck::Zeroable::zeroed();
     for (k, slot) in all.cameras.iter_mut().enumerate() {
         let camera = suns.get(k).and_then(|(_, maps)| maps.cameras().first().and_then(Option::as_ref));

@@ -17,7 +17,7 @@ use crate::{
             view,
         },
     },
-    nearfield::{frame::NearFrame, sun::Suns},
+    nearfield::{frame::NearFrame, sun_shadows::SunShadows},
     plan::Pass,
 };
 
@@ -48,7 +48,7 @@ pub struct Subtraction<'a> {
     /// Corners of the room's triangles as vertices of the room.
     pub triangles: &'a [[u32; 3]],
     /// Its suns.
-    pub suns: &'a Suns,
+    pub suns: &'a SunShadows,
     /// The objects under each.
     pub sun_cameras: &'a params::ShadowCameras,
     /// Their maps.
@@ -236,7 +236,7 @@ impl Subtract {
     }
 
     /// The room's own maps under its suns, once a room.
-    fn upload_room_maps(&mut self, context: &GpuContext, suns: &Suns) {
+    fn upload_room_maps(&mut self, context: &GpuContext, suns: &SunShadows) {
         if std::mem::replace(&mut self.has_room_maps, true) {
             return;
         }

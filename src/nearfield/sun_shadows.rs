@@ -1,10 +1,10 @@
 //! The sun in a known room, which [Gib03] leaves out: light from a direction through the room's apertures. The room's own
 //! shadow and the objects' shadows are maps of their own (spec 9, 10).
 
-use super::prepare::KnownRoom;
+use super::{prepare::KnownRoom, sun_blockers::sun_blockers};
 use crate::{
-    model::{light::HardLight, room::Room},
-    visibility::shadow_maps::ShadowMaps,
+    model::light::HardLight,
+    visibility::shadow_maps::{Receivers, ShadowMaps},
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -22,11 +22,11 @@ struct Sun {
 
 /// The suns of a room and its own shadow under each.
 #[derive(Clone, Debug, Default)]
-pub struct Suns {
+pub struct SunShadows {
     suns: Vec<Sun>,
 }
 
-impl Suns {
+impl SunShadows {
     /// Draws the room's own maps, `texels` a side.
     pub fn load(&mut self, known: &KnownRoom, texels: u32) {
         self.suns.clear();
@@ -36,9 +36,9 @@ impl Suns {
                 irradiance_rgb: sun.irradiance_rgb,
                 extent_rad: sun.extent_rad,
             };
-            let (positions, triangles) = without(&known.room, &sun.apertures);
+            let (positions, triangles) = sun_blockers(&known.room, sun);
             let mut room = ShadowMaps::default();
-            room.fit(&[light], &positions, &triangles, texels, ROOM_TAPS);
+            room.fit(&[light], &positions, &triangles, &Receivers::default(), texels, ROOM_TAPS);
             room.draw(&positions, &triangles);
             Sun { light, room }
         }));
@@ -86,27 +86,4 @@ impl Suns {
         }
         sums
     }
-}
-
-/// The room's faces as triangles, less those of some surfaces.
-fn without(room: &Room, apertures: &[u32]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (index, surface) in room.surfaces.iter().enumerate() {
-        if apertures.contains(&(index as u32)) {
-            continue;
-        }
-        let base = positions.len() as u32;
-        let count = surface.corners_world.len() as u32;
-        positions.extend_from_slice(&surface.corners_world);
-        for face in &surface.faces {
-            let corners = face.corners();
-            for k in 1..corners.len() - 1 {
-                let triangle = [corners[0], corners[k], corners[k + 1]];
-                if triangle.iter().all(|&i| i < count) {
-                    triangles.push(triangle.map(|i| i + base));
-                }
-            }
-        }
-    }
-    (positions, triangles)
 }

@@ -1,0 +1,70 @@
+//! A scene file's room, loaded and made ready.
+
+use super::{
+    error::AssetError,
+    pictures,
+    room::{LoadedRoom, load_room},
+    scene::{RoomLightSource, RoomSource},
+};
+use crate::{
+    light::maps::MapAxes,
+    model::light::EnvironmentMap,
+    nearfield::{
+        error::RoomError,
+        prepare::{CameraPicture, KnownRoom, RoomLight, prepare},
+        soundness::Soundness,
+    },
+};
+
+/// A room made ready, and what is wrong with its file.
+pub struct ReadyRoom {
+    /// The room.
+    pub known: KnownRoom,
+    /// What was looked at in its geometry.
+    pub soundness: Soundness,
+    /// What is wrong with it, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Loads a room and its probe's picture and prepares it (`nearfield::prepare`). `camera`: a linear picture of the room without
+/// virtual objects, from which reflectance is measured. `progress` is told the share done, 0 to 1, from several threads.
+///
+/// # Errors
+/// A file cannot be read or is damaged; what `prepare` refuses, with the room's file named.
+pub fn make_ready(
+    source: &RoomSource,
+    camera: Option<&CameraPicture<'_>>,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<ReadyRoom, AssetError> {
+    let LoadedRoom { room, soundness, mut notes } = load_room(&source.file)?;
+    let map;
+    let light = match &source.light {
+        RoomLightSource::Given => RoomLight::Given,
+        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } => {
+            map = EnvironmentMap { layout: *layout, radiance: pictures::load_radiance(file)?.hdr.radiance };
+            RoomLight::Probe {
+                map: &map,
+                world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
+                position_world: *position_world,
+                factor_sun: *factor_sun,
+            }
+        }
+    };
+    let known = prepare(room, &source.settings, light, camera, progress).map_err(|error| {
+        let file = match (&error, &source.light) {
+            (RoomError::ProbePicture { .. }, RoomLightSource::Probe { file, .. }) => file,
+            _ => &source.file,
+        };
+        AssetError::new(file, "known room").cause(error)
+    })?;
+    if let Some(probe) = &known.report.probe
+        && probe.backs + probe.nothing > 0.02
+    {
+        notes.push(format!(
+            "the probe sees {:.1} % of all directions on backs of faces and {:.1} % beyond the room: that light is lost",
+            100.0 * probe.backs,
+            100.0 * probe.nothing
+        ));
+    }
+    Ok(ReadyRoom { known, soundness, notes })
+}
