@@ -160,9 +160,9 @@ pub fn run() {
             }
         };
         println!("  {}", engine.description());
-        let mut engine = engine.with_near_maps(Spread::Together);
+        let mut engine = engine.with_near_lights(Spread::Together);
         let together = table(&mut engine, "one pass of maps", &known);
-        let mut engine = engine.with_near_maps(Spread::Each);
+        let mut engine = engine.with_near_lights(Spread::Each);
         let each = table(&mut engine, "a pass a map", &known);
         let ratios: String = each.iter().zip(together).map(|(e, t)| format!(" {:.2}", e / t)).collect();
         println!("    a pass a map / one pass of maps, times of a frame:{ratios}");

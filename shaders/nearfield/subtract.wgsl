@@ -15,6 +15,9 @@
 @group(0) @binding(8) var shadow_maps: texture_2d_array<u32>;
 @group(0) @binding(9) var<uniform> room_cameras: ShadowCameras;
 @group(0) @binding(10) var room_maps: texture_2d_array<u32>;
+// A pass a light: which light, and what the passes have taken.
+@group(0) @binding(11) var<uniform> turn: Turn;
+@group(0) @binding(12) var taken: texture_2d<f32>;
 
 struct SunTerms {
     // Suns, 0, 0, 0.
@@ -23,6 +26,12 @@ struct SunTerms {
     suns: array<array<vec4<f32>, 2>, 64>,
 }
 
+struct Turn {
+    // Number of the light, or SUNS; 0, 0, 0.
+    light: vec4<u32>,
+}
+
+const SUNS = 0xffffu;
 const RANGES_A_ROW = 1024u;
 const LISTED_A_ROW = 682u;
 const NO_TRIANGLE = 0xffffffffu;
@@ -31,7 +40,7 @@ const INVERSE_PI = 0.31830989;
 const ROOM_TAPS = 4u;
 
 struct Seen {
-    @builtin(position) clip: vec4<f32>,
+    @invariant @builtin(position) clip: vec4<f32>,
     @location(0) point_world: vec3<f32>,
     @location(1) @interpolate(flat) normal: vec3<f32>,
     // All light of the room that arrives, irradiance over pi.
@@ -64,42 +73,116 @@ fn fragment(seen: Seen) -> @location(0) vec4<u32> {
     return vec4<u32>(bitcast<vec3<u32>>(ratio(seen)), 0u);
 }
 
-fn ratio(seen: Seen) -> vec3<f32> {
-    let untouched = vec3<f32>(1.0);
-    let is_front = dot(seen.normal, view.eye.xyz - seen.point_world) >= 0.0;
-    if seen.triangle == NO_TRIANGLE || !is_front {
-        return untouched;
-    }
-    var whole = seen.gathered;
-    var blocked = vec3<f32>(0.0);
+// Where nothing is taken away, whatever the lights.
+fn is_untouched(seen: Seen) -> bool {
+    return seen.triangle == NO_TRIANGLE || dot(seen.normal, view.eye.xyz - seen.point_world) < 0.0;
+}
+
+struct Light {
+    whole: vec3<f32>,
+    blocked: vec3<f32>,
+}
+
+// All light at a point and what objects block of the suns'.
+fn all_light(seen: Seen) -> Light {
+    var light = Light(seen.gathered, vec3<f32>(0.0));
     for (var k = 0u; k < suns.counts.x; k += 1u) {
         let cosine = dot(seen.normal, suns.suns[k][0].xyz);
         if cosine > 0.0 {
-            let light = suns.suns[k][1].xyz * (cosine * INVERSE_PI * arrives(k, seen.point_world, cosine));
-            if any(light > vec3<f32>(0.0)) {
-                whole += light;
-                blocked += light * (1.0 - visibility(k, seen.point_world, cosine));
+            let sun = suns.suns[k][1].xyz * (cosine * INVERSE_PI * arrives(k, seen.point_world, cosine));
+            if any(sun > vec3<f32>(0.0)) {
+                light.whole += sun;
+                light.blocked += sun * (1.0 - visibility(k, seen.point_world, cosine));
             }
         }
     }
+    return light;
+}
+
+// Where the triangle's lights begin and end in `listed`.
+fn listed_range(seen: Seen) -> vec2<u32> {
     let texel = vec2<i32>(vec2<u32>(seen.triangle % RANGES_A_ROW, seen.triangle / RANGES_A_ROW));
-    let range = textureLoad(ranges, texel, 0).xy;
+    return textureLoad(ranges, texel, 0).xy;
+}
+
+// Where a light of a triangle begins in `listed`.
+fn listed_at(i: u32) -> vec2<i32> {
+    return vec2<i32>(vec2<u32>(3u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
+}
+
+// What objects block of a light of the point's triangle.
+fn blocked_of(seen: Seen, i: u32) -> vec3<f32> {
+    let corner = listed_at(i);
+    let a = textureLoad(listed, corner, 0);
+    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal);
+    if visible >= 1.0 {
+        return vec3<f32>(0.0);
+    }
+    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0).xyz;
+    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0).xyz;
+    let third = 1.0 - seen.weights.x - seen.weights.y;
+    return (1.0 - visible) * (seen.weights.x * a.xyz + seen.weights.y * b + third * c);
+}
+
+fn ratio(seen: Seen) -> vec3<f32> {
+    let untouched = vec3<f32>(1.0);
+    if is_untouched(seen) {
+        return untouched;
+    }
+    let light = all_light(seen);
+    var blocked = light.blocked;
+    let range = listed_range(seen);
     for (var i = range.x; i < range.y; i += 1u) {
-        let corner = vec2<i32>(vec2<u32>(3u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
-        let a = textureLoad(listed, corner, 0);
-        let visible = point_visibility(u32(a.w), seen.point_world, seen.normal);
-        if visible < 1.0 {
-            let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0).xyz;
-            let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0).xyz;
-            let third = 1.0 - seen.weights.x - seen.weights.y;
-            blocked += (1.0 - visible) * (seen.weights.x * a.xyz + seen.weights.y * b + third * c);
-        }
+        blocked += blocked_of(seen, i);
     }
     if all(blocked == vec3<f32>(0.0)) {
         return untouched;
     }
-    let left = clamp(1.0 - blocked / whole, vec3<f32>(0.0), vec3<f32>(1.0));
-    return select(untouched, left, whole > vec3<f32>(TINY_LIGHT));
+    let rest = clamp(1.0 - blocked / light.whole, vec3<f32>(0.0), vec3<f32>(1.0));
+    return select(untouched, rest, light.whole > vec3<f32>(TINY_LIGHT));
+}
+
+// Depth alone.
+@fragment
+fn nearest_room(seen: Seen) -> @location(0) vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
+// A pass a light: the share of all light that objects block of one, to be added to the others'.
+@fragment
+fn one_light(seen: Seen) -> @location(0) vec4<f32> {
+    if is_untouched(seen) {
+        discard;
+    }
+    let light = all_light(seen);
+    var blocked = light.blocked;
+    if turn.light.x != SUNS {
+        // The list is in order of the lights' numbers.
+        let range = listed_range(seen);
+        var low = range.x;
+        var high = range.y;
+        while low < high {
+            let middle = (low + high) / 2u;
+            if u32(textureLoad(listed, listed_at(middle), 0).w) < turn.light.x {
+                low = middle + 1u;
+            } else {
+                high = middle;
+            }
+        }
+        if low >= range.y || u32(textureLoad(listed, listed_at(low), 0).w) != turn.light.x {
+            discard;
+        }
+        blocked = blocked_of(seen, low);
+    }
+    let share = blocked / light.whole;
+    return vec4<f32>(select(vec3<f32>(0.0), share, light.whole > vec3<f32>(TINY_LIGHT)), 0.0);
+}
+
+// After all passes: what is left, as the bits of three floats.
+@fragment
+fn after_all(seen: Seen) -> @location(0) vec4<u32> {
+    let rest = 1.0 - textureLoad(taken, vec2<i32>(seen.clip.xy), 0).xyz;
+    return vec4<u32>(bitcast<vec3<u32>>(clamp(rest, vec3<f32>(0.0), vec3<f32>(1.0))), 0u);
 }
 
 // Share of sun k that the room itself lets through; as `visibility`, of the room's own map.

@@ -225,7 +225,7 @@ fn missing(adapter: &wgpu::Adapter) -> Vec<String> {
         ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size, WORKGROUP_MEMORY_BYTES),
         ("invocations a workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP_INVOCATIONS),
         ("texels of texture size", limits.max_texture_dimension_2d, 2048),
-        ("sampled textures a stage", limits.max_sampled_textures_per_shader_stage, 5),
+        ("sampled textures a stage", limits.max_sampled_textures_per_shader_stage, 6),
     ];
     for (what, has, needed) in at_least {
         need(has >= needed, format!("{needed} {what} (it has {has})"));

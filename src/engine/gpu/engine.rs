@@ -78,8 +78,8 @@ impl GpuEngine {
         Ok(self)
     }
 
-    /// Draws the near lights' maps of a known room all together or each in a pass of its own; the pictures are the same.
-    pub fn with_near_maps(mut self, spread: Spread) -> Self {
+    /// Draws the near lights of a known room all together, or each in passes of its own.
+    pub fn with_near_lights(mut self, spread: Spread) -> Self {
         self.relighter.spread = spread;
         self
     }

@@ -108,7 +108,8 @@ pub const POINT_MAPS: Kernel = Kernel {
     structs: &[params::PointCamera::LAYOUT, params::PointCameras::LAYOUT, params::PointPage::LAYOUT],
 };
 
-/// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio; loops over its lights.
+/// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio. `fragment` loops over its
+/// lights; the others draw one light after the other, as in [Gib03].
 pub const SUBTRACT: Kernel = Kernel {
     pass: Pass::Subtract,
     sources: &[
@@ -119,7 +120,7 @@ pub const SUBTRACT: Kernel = Kernel {
         source!("shared/point_lookup"),
         source!("nearfield/subtract"),
     ],
-    entries: &["vertex", "fragment"],
+    entries: &["vertex", "fragment", "nearest_room", "one_light", "after_all"],
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("cameras_near", BindingKind::Uniform),
@@ -132,6 +133,8 @@ pub const SUBTRACT: Kernel = Kernel {
         Binding::new("shadow_maps", BindingKind::UintLayers),
         Binding::new("room_cameras", BindingKind::Uniform),
         Binding::new("room_maps", BindingKind::UintLayers),
+        Binding::new("turn", BindingKind::UniformAtOffset),
+        Binding::new("taken", BindingKind::Floats),
     ],
     structs: &[
         params::View::LAYOUT,
@@ -139,6 +142,7 @@ pub const SUBTRACT: Kernel = Kernel {
         params::PointCameras::LAYOUT,
         params::PointLights::LAYOUT,
         params::SunTerms::LAYOUT,
+        params::Turn::LAYOUT,
         params::ShadowCamera::LAYOUT,
         params::ShadowCameras::LAYOUT,
     ],

@@ -282,6 +282,14 @@ shared_struct! {
 }
 
 shared_struct! {
+    /// Which light a pass of `nearfield/subtract` takes away.
+    Turn {
+        /// Its number, or 0xffff for the suns; 0, 0, 0.
+        light: [u32; 4],
+    }
+}
+
+shared_struct! {
     /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun`.
     SunTerms {
         /// Suns, 0, 0, 0.

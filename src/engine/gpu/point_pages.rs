@@ -11,13 +11,14 @@ use crate::{
 /// A page's side never exceeds this many texels, whatever the device takes: its depth buffer is as large.
 const LARGEST_SIDE: u32 = 4096;
 
-/// How lights are spread over pages, and with that over passes.
+/// How lights are spread over passes: over those that draw their maps and over those that subtract them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Spread {
-    /// As few pages as the device takes: one, but for very many or very fine maps.
+    /// As few pages of maps as the device takes: one, but for very many or very fine ones; and one pass that loops over all
+    /// lights.
     #[default]
     Together,
-    /// A page for each light, as in [Gib03].
+    /// A page for each light, and a pass that adds what it loses to what the others do, as in [Gib03]; in 16-bit floats.
     Each,
 }
 

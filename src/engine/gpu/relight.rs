@@ -250,10 +250,12 @@ impl Relighter {
                         let with = Subtraction {
                             view: &view_params,
                             frame: &twins.room.frame,
+                            first: of_room.0,
                             triangles: of_room.1,
                             suns: &twins.room.suns,
                             sun_cameras: &cameras,
                             sun_maps: exchange.shadow_to_device(&recorder, twins)?,
+                            spread: self.spread,
                         };
                         let kernel = ready(&mut self.subtract, context, Subtract::new)?;
                         let (pages, ratios) = (&mut exchange.point_maps, &mut exchange.ratios);

@@ -88,4 +88,18 @@ impl RoomMesh {
     pub fn draw(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
         self.mesh.draw(context, pass, 1);
     }
+
+    /// Draws some of the room's triangles by their numbers, in `chosen`'s memory; all, where they were cut.
+    pub fn draw_some(
+        &mut self,
+        context: &GpuContext,
+        pass: &mut wgpu::RenderPass<'_>,
+        chosen: &wgpu::Buffer,
+        range: std::ops::Range<u32>,
+    ) {
+        match self.uploaded {
+            Some(None) => self.mesh.draw_indices(context, pass, chosen, range),
+            _ => self.draw(context, pass),
+        }
+    }
 }

@@ -61,6 +61,21 @@ impl Mesh {
         }
     }
 
+    /// Draws triangles of its vertices by other indices.
+    pub fn draw_indices(
+        &mut self,
+        context: &GpuContext,
+        pass: &mut wgpu::RenderPass<'_>,
+        indices: &wgpu::Buffer,
+        range: Range<u32>,
+    ) {
+        if !range.is_empty() {
+            pass.set_vertex_buffer(0, self.vertices.at_least(context, 0).slice(..));
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(range, 0, 0..1);
+        }
+    }
+
     fn bind(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_vertex_buffer(0, self.vertices.at_least(context, 0).slice(..));
         pass.set_index_buffer(self.indices.at_least(context, 0).slice(..), wgpu::IndexFormat::Uint32);

@@ -23,6 +23,8 @@ struct Lanes<const N: usize> {
     /// Column and row, texels.
     at: [[f32; N]; 2],
     depth: [f32; N],
+    /// Inverse distances along the axis, 1 / metres.
+    inverse: [f32; N],
     slope: [[f32; N]; 2],
     rounding: [f32; N],
     /// Behind the near plane.
@@ -149,7 +151,7 @@ impl PlaceReads {
         let corner = camera.corner();
         let mut at = [[0.0f32; N]; 2];
         for i in 0..N {
-            let inverse_r = (1.0 - seen.depth[i]) / camera.near_m;
+            let inverse_r = seen.inverse[i];
             let forward = 1.0 / (1.0 - ahead * inverse_r);
             let scale = forward * (1.0 - ahead * inverse_b[i]);
             let along = forward * (inverse_b[i] - inverse_r) / camera.texel;
@@ -191,6 +193,7 @@ impl<const N: usize> Lanes<N> {
         let mut lanes = Self {
             at: [[0.0; N]; 2],
             depth: [0.0; N],
+            inverse: [0.0; N],
             slope: [[0.0; N]; 2],
             rounding: [0.0; N],
             valid: [false; N],
@@ -211,6 +214,7 @@ impl<const N: usize> Lanes<N> {
             lanes.at[1][i] = along(row) / w;
             let depth = 1.0 - near_m / w;
             lanes.depth[i] = depth;
+            lanes.inverse[i] = (1.0 - depth) / near_m;
             lanes.rounding[i] = ROUNDING_TEXELS * camera.texel * (1.0 - depth);
             let off = normal.x * (x - place.x) + normal.y * (y - place.y) + normal.z * (z - place.z);
             let from_light = sign * (ahead[i] - place_ahead);
