@@ -147,7 +147,7 @@ fn matches(backend: Backend) {
         ("soft", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 4, ..base.clone() }),
         ("sun", Distortion::None, true, Quality { shadow_maps: 7, pcf_taps: 3, ..base.clone() }),
         ("bent", radial, true, Quality { shadow_maps: 10, pcf_taps: 2, ..base.clone() }),
-        // Two pages of tiles on a device with textures of 2048 texels, three or more of larger ones.
+        // More than one page of tiles: 64 go on one, or fewer where textures are smaller.
         (
             "many",
             Distortion::None,
@@ -204,7 +204,11 @@ fn objects_match(mut engine: GpuEngine, cpu: &mut CpuEngine) {
         engine.load_scene(&shot.scene).unwrap();
         let found = apart(&shot.draw(&mut engine), &twin);
         println!("objects, {others:?} on the CPU: {found:?}");
-        assert!(found.share < 1.0, "{others:?}: {found:?}");
+        // As the maps themselves (above); the layer of objects is of 16-bit floats.
+        assert!(
+            found.share < 6e-3 && found.worst < 0.02 && found.energy.abs() < 5e-4,
+            "{others:?}: {found:?}"
+        );
     }
 }
 

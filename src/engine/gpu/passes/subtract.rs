@@ -241,10 +241,12 @@ impl Subtract {
             return;
         }
         let maps = || (0..suns.len()).filter_map(|k| suns.get(k)).map(|(_, maps)| maps);
+        // All have one size; what nothing in the room hides has none.
         let side = maps().flat_map(|maps| maps.cameras()).flatten().map(|c| c.texels).max();
         self.room_maps.sized(context, side.unwrap_or(1), suns.len() as u32);
         for (k, maps) in (0..).zip(maps()) {
-            if maps.cameras().first().is_some_and(|camera| camera.map(|c| c.texels) == side) {
+            if side.is_some() && maps.cameras().first().is_some_and(|camera| camera.map(|c| c.texels) == side)
+            {
                 self.room_maps.upload(context, k, bytemuck::cast_slice(maps.depth(0)));
             }
         }
