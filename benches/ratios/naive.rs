@@ -26,7 +26,7 @@ use halflight::{
         FramePlan, Pass,
         effects::{self, Occasion},
     },
-    visibility::shadow_maps::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, ShadowMaps, bias_m},
+    visibility::shadow_maps::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, Receivers, ShadowMaps, bias_m},
 };
 use rayon::prelude::*;
 use std::{f32::consts::PI, path::Path, time::Instant};
@@ -184,7 +184,8 @@ fn textbook(scene: &Scene, posed: &Posed, lens: Lens, pose: Pose, texels: u32) -
         triangles.extend(object.mesh.triangles.iter().map(|t| t.map(|i| i + first)));
     }
     let mut shadows = ShadowMaps::default();
-    shadows.fit(light.hard.as_slice(), &positions, &triangles, texels, TAPS);
+    let hard = light.hard.as_slice();
+    shadows.fit(hard, &positions, &triangles, &Receivers::default(), texels, TAPS);
     shadows.draw(&positions, &triangles);
     let mut all = vec![0.0f32; COUNT * COUNT * COUNT];
     for entry in gamma(ORDER) {

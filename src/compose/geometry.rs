@@ -3,6 +3,7 @@
 
 use crate::math::sh::{MAX_ORDER, zonal};
 use crate::model::scene::{Material, Mesh, RealSurface, Scene};
+use crate::visibility::shadow_maps::{Body, Receivers};
 use glam::{Mat3, Vec3};
 use std::ops::Range;
 
@@ -138,6 +139,19 @@ impl ObjectGeometry {
         vertices.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |b, p| [b[0].min(p), b[1].max(p)])
     }
 
+    /// Each object that has triangles, as hard shadows fall on it.
+    pub fn bodies(&self) -> impl Iterator<Item = Body> {
+        let sound =
+            self.ranges.iter().zip(&self.materials).filter(|((_, triangles), _)| !triangles.is_empty());
+        sound.map(|((vertices, _), material)| {
+            let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            for p in self.positions[vertices.clone()].iter().filter(|p| p.is_finite()) {
+                (low, high) = (low.min(*p), high.max(*p));
+            }
+            Body { low, high, is_mirror: material.exponent == MIRROR_EXPONENT }
+        })
+    }
+
     /// Moves the vertices of object `index` (world frame; lists of the object's own length, else nothing happens).
     pub fn pose(&mut self, index: usize, positions_world: &[Vec3], normals_world: &[Vec3]) {
         let Some((vertices, triangles)) = self.ranges.get(index).cloned() else { return };
@@ -206,6 +220,11 @@ impl SurfaceGeometry {
             self.albedo_rgb.resize(self.triangles.len(), surface.albedo_rgb);
             fill_normals(&self.triangles[first..], &self.facet_normals[first..], &mut self.normals);
         }
+    }
+
+    /// Hands those over that virtual shadows fall on.
+    pub fn receivers(&self, out: &mut Receivers) {
+        out.load(&self.positions, &self.triangles, &self.receives);
     }
 }
 

@@ -150,6 +150,7 @@ mod tests {
     use super::*;
     use crate::compose::{geometry::SurfaceGeometry, soft_shadow::Planes};
     use crate::model::light::{HardLight, HardLights, Lights, RadianceSh};
+    use crate::visibility::shadow_maps::Receivers;
 
     #[test]
     fn neighbours_on_a_flat_receiver_get_what_each_gets_by_itself() {
@@ -173,7 +174,7 @@ mod tests {
         ];
         let mut shadows = ShadowMaps::default();
         let triangles = [[0, 1, 2], [0, 1, 3], [0, 2, 3]];
-        shadows.fit(light.hard(), &casters, &triangles, 256, 4);
+        shadows.fit(light.hard(), &casters, &triangles, &Receivers::default(), 256, 4);
         shadows.draw(&casters, &triangles);
         let mut planes = Planes::default();
         planes.find(&SurfaceGeometry {

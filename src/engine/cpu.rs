@@ -33,7 +33,10 @@ use crate::model::{
     scene::Scene,
 };
 use crate::plan::{FramePlan, Pass, PassTiming};
-use crate::visibility::{blockers::Blockers, shadow_maps::ShadowMaps};
+use crate::visibility::{
+    blockers::Blockers,
+    shadow_maps::{Receivers, ShadowMaps},
+};
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -72,6 +75,7 @@ pub(super) struct Work {
     /// The view of `seen_surfaces`.
     seen_from: Option<View>,
     samples: Samples,
+    receivers: Receivers,
     pub(super) shadows: ShadowMaps,
     pub(super) reflected: Reflected,
     pub(super) transferred: Transferred,
@@ -194,6 +198,7 @@ impl Work {
         self.surfaces.load(&scene.surfaces);
         self.seen_from = None;
         self.planes.find(&self.surfaces);
+        self.surfaces.receivers(&mut self.receivers);
         self.reflected.load(&self.surfaces);
         self.transferred.load(scene);
     }
@@ -229,7 +234,7 @@ impl Work {
             match planned.pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
                 Pass::ShadowMaps => {
-                    timed(timings, planned.pass, || self.shadow_maps(&light, &plan.quality));
+                    timed(timings, planned.pass, || self.shadow_maps(input, &light, &plan.quality));
                 }
                 Pass::SoftShadow => {
                     timed(timings, planned.pass, || self.soft_shadow(input, &view, &light, &plan.quality));
@@ -257,20 +262,22 @@ impl Work {
         }
     }
 
-    /// Fits the shadow maps' cameras; what the maps hold is as it was.
-    pub(super) fn shadow_cameras(&mut self, light: &LightTerms, quality: &Quality) {
+    /// Fits the shadow maps' cameras to what is seen of the shadows; what the maps hold is as it was.
+    pub(super) fn shadow_cameras(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
         let objects = &self.objects;
+        self.receivers.see(input.lens, input.world_from_camera, objects.bodies());
         self.shadows.fit(
             light.hard(),
             &objects.positions,
             &objects.triangles,
+            &self.receivers,
             quality.shadow_map_texels,
             quality.pcf_taps,
         );
     }
 
-    pub(super) fn shadow_maps(&mut self, light: &LightTerms, quality: &Quality) {
-        self.shadow_cameras(light, quality);
+    pub(super) fn shadow_maps(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
+        self.shadow_cameras(input, light, quality);
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
     }
 

@@ -5,7 +5,7 @@ mod panels;
 
 use super::gray_place::GrayPlace;
 use crate::assets::shapes;
-use crate::compose::geometry::ObjectGeometry;
+use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
 use crate::engine::{Engine, EngineError, RelightInput};
 use crate::model::{
     frame::Exposure,
@@ -20,7 +20,7 @@ use crate::plan::{
     FramePlan, Pass,
     effects::{self, Occasion},
 };
-use crate::visibility::shadow_maps::ShadowMaps;
+use crate::visibility::shadow_maps::{Receivers, ShadowMaps};
 use glam::{Affine3A, Quat, Vec3};
 
 /// White of the views that show shares of light.
@@ -54,6 +54,8 @@ pub struct Views {
     background: HdrImage,
     place: GrayPlace,
     objects: ObjectGeometry,
+    surfaces: SurfaceGeometry,
+    receivers: Receivers,
     shadows: ShadowMaps,
     even_response: Response,
 }
@@ -66,6 +68,8 @@ impl Default for Views {
             background: HdrImage::default(),
             place: GrayPlace::default(),
             objects: ObjectGeometry::default(),
+            surfaces: SurfaceGeometry::default(),
+            receivers: Receivers::default(),
             shadows: ShadowMaps::default(),
             even_response: Response::srgb(),
         }
@@ -185,10 +189,18 @@ impl Views {
         for (index, object) in input.posed.map_or(&[][..], |p| p.objects()).iter().enumerate() {
             self.objects.pose(index, &object.positions_world, &object.normals_world);
         }
+        self.surfaces.load(&scene.surfaces);
+        self.surfaces.receivers(&mut self.receivers);
         let objects = &self.objects;
-        let lights = input.light.hard.as_slice();
-        let texels = quality.shadow_map_texels;
-        self.shadows.fit(lights, &objects.positions, &objects.triangles, texels, quality.pcf_taps);
+        self.receivers.see(input.lens, input.world_from_camera, objects.bodies());
+        self.shadows.fit(
+            input.light.hard.as_slice(),
+            &objects.positions,
+            &objects.triangles,
+            &self.receivers,
+            quality.shadow_map_texels,
+            quality.pcf_taps,
+        );
         self.shadows.draw(&objects.positions, &objects.triangles);
     }
 }

@@ -10,10 +10,12 @@
 mod draw;
 mod many;
 mod reach;
+mod receivers;
 mod set;
 
 pub use draw::ShadowMap;
 pub use many::FlatLight;
+pub use receivers::{Body, Receivers};
 pub use set::{ShadowMaps, side_of_each};
 
 use crate::math::sh::Real;
@@ -28,6 +30,9 @@ pub const MAX_BIAS_TEXELS: f32 = 64.0;
 pub const ROUNDING_TEXELS: f32 = 0.1;
 /// Texels across the casters at least, however wide the light.
 const LEAST_ACROSS: f64 = 96.0;
+/// Where little of the shadows is seen, texels get no finer than one in so many of those over all casters: positions in a map
+/// stay within what 32 bits hold.
+const FINEST: f64 = 64.0;
 /// Depth of an empty texel. Depths of casters are below 1.
 pub const EMPTY_DEPTH: f32 = 1.0;
 /// Rows of one unit of parallel work; fixed, so that no result depends on the number of threads.
@@ -54,17 +59,19 @@ impl ShadowCamera {
     /// Fits the map to the casters' vertices (world frame, metres). The map's axes come from the world axis
     /// of smallest absolute component of the light's direction (spec 10), so that no direction is singular;
     /// the texel's side is rounded up to a ladder of 8 steps an octave and the map's corner to whole texels,
-    /// so that a moving object does not make the shadows of others swim. The depth range is the casters':
-    /// receivers need none, see [`lit`]. `None` without a finite caster or a finite direction.
+    /// so that a moving object does not make the shadows of others swim. The depth range is that of all
+    /// casters: receivers need none, see [`lit`], and whoever throws a shadow to where it is seen may be anywhere before it. `None` without a finite caster or a finite direction.
     pub fn fit(to_light_world: [f32; 3], casters: impl Iterator<Item = Vec3>, texels: u32) -> Option<Self> {
-        Self::fit_soft(to_light_world, casters, texels, 0.0)
+        Self::fit_soft(to_light_world, casters, &Receivers::default(), texels, 0.0)
     }
 
-    /// [`Self::fit`] for a light whose penumbra is as wide as a texel of `texel_of_depth` times the casters' extent along
-    /// the light: no finer than that.
+    /// [`Self::fit`] to those shadows that are seen, for a light whose penumbra is as wide as a texel of `texel_of_depth`
+    /// times the casters' extent along the light: no finer than that. Each point of a receiver that is seen and that a
+    /// filter of up to 8 taps may find shadowed then lies inside of the map with all its filter. `None` also where no shadow falls on what is seen.
     pub fn fit_soft(
         to_light_world: [f32; 3],
         casters: impl Iterator<Item = Vec3>,
+        receivers: &Receivers,
         texels: u32,
         texel_of_depth: f32,
     ) -> Option<Self> {
@@ -90,10 +97,17 @@ impl ShadowCamera {
         let across = size.x.max(size.y);
         // Wide lights in few maps: the casters' shapes stay recognisable.
         let wide = (f64::from(texel_of_depth) * size.z).min(across / LEAST_ACROSS);
-        let tight = (across / usable).max(wide).max(1e-6);
-        let texel = ((tight.log2() * 8.0).ceil() / 8.0).exp2();
-        let corner_x = ((low.x / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
-        let corner_y = ((low.y / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
+        let texel_across = |metres: f64| {
+            let tight = (metres / usable).max(wide).max(1e-6);
+            ((tight.log2() * 8.0).ceil() / 8.0).exp2()
+        };
+        // What lies beside all casters is shadowed as far as the filter reaches.
+        let beside = f64::from(EDGE_TEXELS) * texel_across(across);
+        let rectangle = [low.truncate(), high.truncate()];
+        let [from, to] = receivers.within([right, up, light], rectangle, beside)?;
+        let texel = texel_across((to - from).max_element().max(across / FINEST));
+        let corner_x = ((from.x / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
+        let corner_y = ((from.y / texel).floor() - f64::from(EDGE_TEXELS)) * texel;
         let pad = (1e-3 * size.z).max(texel);
         let depth = size.z + 2.0 * pad;
         let row = |axis: glam::DVec3, start: f64, unit: f64| {

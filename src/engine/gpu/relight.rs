@@ -142,11 +142,11 @@ impl Relighter {
             match pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
                 Pass::ShadowMaps if host => {
-                    recorder.host(pass, || twins.shadow_maps(&light, quality));
+                    recorder.host(pass, || twins.shadow_maps(input, &light, quality));
                     exchange.shadow_place = Place::Host;
                 }
                 Pass::ShadowMaps => {
-                    twins.shadow_cameras(&light, quality);
+                    twins.shadow_cameras(input, &light, quality);
                     let count = twins.shadows.cameras().len();
                     let cameras = view::shadows(twins.shadows.cameras(), quality.pcf_taps);
                     let kernel = ready(&mut self.shadow_maps, context, ShadowMaps::new)?;

@@ -133,9 +133,12 @@ impl Part<'_> {
             return;
         }
         let (left, right) = range(v.map(|c| c.x), 0, side as i64 - 1);
+        if left > right {
+            return;
+        }
         let p = v.map(|c| (i64::from(c.x), i64::from(c.y)));
         let area = (p[1].0 - p[0].0) * (p[2].1 - p[0].1) - (p[2].0 - p[0].0) * (p[1].1 - p[0].1);
-        if area == 0 || left > right {
+        if area == 0 {
             return;
         }
         let sign = area.signum();

@@ -1,6 +1,6 @@
 //! The shadow maps of a frame: one for each hard light.
 
-use super::{BAND_ROWS, ShadowCamera, ShadowMap, visibility};
+use super::{BAND_ROWS, Receivers, ShadowCamera, ShadowMap, visibility};
 use crate::model::light::HardLight;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -41,14 +41,15 @@ impl ShadowMaps {
         self.cameras.clear();
     }
 
-    /// Fits a camera to the casters for each light; the filter of `taps` taps is as wide as what each light stands for asks.
-    /// A light is skipped (its camera is `None`, nothing blocks it) where
-    /// there is no caster.
+    /// Fits a camera for each light to the casters' shadows that are seen; the filter of `taps` taps is as wide as what each
+    /// light stands for asks. A light is skipped (its camera is `None`, nothing blocks it, it has no map and costs nothing)
+    /// where there is no caster, and where no receiver is seen that it shines on behind or among the casters.
     pub fn fit(
         &mut self,
         lights: &[HardLight],
         casters: &[Vec3],
         triangles: &[[u32; 3]],
+        receivers: &Receivers,
         texels: u32,
         taps: u32,
     ) {
@@ -63,7 +64,7 @@ impl ShadowMaps {
         self.cameras.par_iter_mut().zip(lights.par_iter()).for_each(|(camera, light)| {
             let texel_of_depth = PENUMBRA * light.extent_rad / taps.saturating_sub(1).max(1) as f32;
             let vertices = used.iter().copied();
-            *camera = ShadowCamera::fit_soft(light.to_light_world, vertices, side, texel_of_depth);
+            *camera = ShadowCamera::fit_soft(light.to_light_world, vertices, receivers, side, texel_of_depth);
         });
         if self.maps.len() < lights.len() {
             self.maps.resize_with(lights.len(), ShadowMap::default);
@@ -89,7 +90,8 @@ impl ShadowMaps {
 
     /// Depths of map `k`, row by row; empty where there is none.
     pub fn depth(&self, k: usize) -> &[f32] {
-        self.maps.get(k).map_or(&[], ShadowMap::depth)
+        let is_drawn = self.cameras.get(k).is_some_and(Option::is_some);
+        self.maps.get(k).filter(|_| is_drawn).map_or(&[], ShadowMap::depth)
     }
 
     /// Takes depths of map `k` that were drawn elsewhere.

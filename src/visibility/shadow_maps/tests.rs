@@ -215,7 +215,7 @@ fn maps(lights: usize, texels: u32) -> (ShadowMaps, Vec<crate::model::light::Har
     // What was drawn before must leave no trace.
     let elsewhere: Vec<Vec3> = casters.iter().map(|p| *p * Vec3::new(-0.8, 1.0, 1.3)).collect();
     for casters in [&elsewhere, &casters] {
-        maps.fit(&lights, casters, &triangles, texels, 4);
+        maps.fit(&lights, casters, &triangles, &Receivers::default(), texels, 4);
         maps.draw(casters, &triangles);
     }
     for (k, camera) in maps.cameras().iter().enumerate() {
