@@ -148,7 +148,7 @@ pub const SUBTRACT: Kernel = Kernel {
     ],
 };
 
-/// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
+/// `compose/shade_object`: real surfaces and objects into the depth, then objects, four samples a pixel.
 pub const SHADE_OBJECT: Kernel = Kernel {
     pass: Pass::ShadeObject,
     sources: &[
@@ -161,7 +161,7 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         source!("shared/surroundings"),
         source!("compose/shade_object"),
     ],
-    entries: &["vertex", "fragment", "surface_vertex", "surface_fragment"],
+    entries: &["vertex", "fragment", "depth_vertex", "surface_vertex", "depth_fragment"],
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("light", BindingKind::Uniform),

@@ -318,7 +318,7 @@ shared_struct! {
     Surroundings {
         /// Spheres, triangles, levels, flags.
         counts: [u32; 4],
-        /// Exponent above which lobes are read from the levels, 1 for the paper's Phong norm.
+        /// 1 for the paper's Phong norm, 0, 0, 0.
         settings: [f32; 4],
         /// First row and texels a side of the picture and its levels.
         levels: [[u32; 4]; 12],

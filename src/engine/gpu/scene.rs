@@ -119,6 +119,8 @@ pub struct SceneBuffers {
     /// For each object its indices and its material.
     draws: Vec<(Range<u32>, u32)>,
     materials: GrowingBuffer,
+    /// Of each material the specular reflectance and the exponent.
+    shine: Vec<([f32; 3], f32)>,
     /// Whether the scene is there, and for what it was cut.
     uploaded: Option<Option<Cut>>,
     /// Vertices that have moved since.
@@ -141,6 +143,7 @@ impl SceneBuffers {
             surfaces: Mesh::new(),
             draws: Vec::new(),
             materials: GrowingBuffer::uniform("materials"),
+            shine: Vec::new(),
             uploaded: None,
             moved: Vec::new(),
             vertices: Vec::new(),
@@ -246,6 +249,8 @@ impl SceneBuffers {
             slot[..size_of::<MaterialTerms>()].copy_from_slice(bytemuck::bytes_of(&terms));
         }
         self.materials.write(context, &bytes);
+        self.shine.clear();
+        self.shine.extend(objects.materials.iter().map(|m| (m.specular_rgb, m.exponent)));
     }
 
     fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, cut: Option<Cut>) {
@@ -276,12 +281,17 @@ impl SceneBuffers {
         self.materials.at_least(context, 0).clone()
     }
 
+    /// Specular reflectance and exponent of each material.
+    pub fn shine(&self) -> &[([f32; 3], f32)] {
+        &self.shine
+    }
+
     /// Draws all that casts shadows.
     pub fn draw_casters(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
         self.casters.draw(context, pass, 1);
     }
 
-    /// Draws the objects of one material after the other; `select` binds a material by its number.
+    /// Draws the objects of one material after the other; `select` is told each material's number first.
     pub fn draw_objects(
         &mut self,
         context: &GpuContext,
