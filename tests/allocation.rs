@@ -1,12 +1,25 @@
-//! The pipeline's own code and the kernels of the CPU engine allocate nothing per frame in steady state.
+//! The pipeline's own code, the kernels of the CPU engine and what near light asks for allocate nothing per frame in steady
+//! state. One test alone, for the count is that of the whole program.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 #[path = "support/sys.rs"]
 mod sys;
 
+use glam::Vec3;
 use halflight::config::Settings;
 use halflight::daemon::run::prepare;
-use halflight::model::time::Timestamp;
+use halflight::model::{
+    room::{Face, Room, RoomSurface},
+    time::Timestamp,
+};
+use halflight::nearfield::{
+    field::{NearField, Preparation},
+    marks::Marks,
+    patches::{Subdivision, subdivide},
+    representatives::Representatives,
+    shaft::Aabb,
+};
+use halflight::sources::expand::Priority;
 
 const WARM_UP: usize = 24;
 const MEASURED: usize = 24;
@@ -16,7 +29,12 @@ const MEASURED: usize = 24;
 const OF_LIBRARIES: usize = 3;
 
 #[test]
-fn a_frame_in_steady_state_allocates_only_in_libraries() {
+fn frames_in_steady_state_allocate_only_in_libraries() {
+    frames_of_the_pipeline();
+    frames_of_near_light();
+}
+
+fn frames_of_the_pipeline() {
     let settings = Settings {
         camera: "synthetic:frames=48,size=320x240,texel_mm=8".into(),
         scene_file: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/desk.toml").into(),
@@ -41,4 +59,38 @@ fn a_frame_in_steady_state_allocates_only_in_libraries() {
     println!("at most {worst} allocations a frame, {relit} of {MEASURED} frames relit");
     assert!(relit > MEASURED / 2, "{relit}");
     assert!(worst <= OF_LIBRARIES, "{worst}");
+}
+
+/// A box of 2 m whose floor and walls shine, and an object on its way through it, there and back.
+fn frames_of_near_light() {
+    const SIDES: [[u32; 4]; 6] =
+        [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]];
+    let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0;
+    let room = Room {
+        surfaces: vec![RoomSurface {
+            name: "walls".to_owned(),
+            corners_world: (0..8).map(corner).collect(),
+            faces: SIDES.map(Face::Quad).to_vec(),
+            reflectance_rgb: [0.5; 3],
+            emitted_rgb: [1.0; 3],
+        }],
+    };
+    let how = Subdivision { patches: 300, ..Subdivision::default() };
+    let divided = subdivide(&room, &how, &|_| None).unwrap();
+    let field = NearField::build(&room, divided, &Preparation::default(), &|_| ()).unwrap();
+    let (mut marks, mut lights, mut rows) = (Marks::default(), Representatives::default(), Vec::new());
+    let mut frame = |step: usize| {
+        let centre = Vec3::new(0.5 + 0.04 * (step % 24) as f32, 1.0, 0.6);
+        let objects = [Aabb { low: centre - 0.15, high: centre + 0.15 }];
+        let before = sys::allocations();
+        marks.mark(&field, &objects, None);
+        lights.choose(&field, &marks, &objects, None, 10, Priority::ErrorRemoved);
+        lights.light_rows(&field, &marks, &mut rows);
+        assert!(lights.near().len() == 10 && rows.iter().any(|r| r[1] > 0.0));
+        sys::allocations() - before
+    };
+    let first: usize = (0..WARM_UP).map(&mut frame).sum();
+    let then: usize = (0..MEASURED).map(&mut frame).sum();
+    assert!(first > 0, "the first frames make room");
+    assert_eq!(then, 0, "near light");
 }

@@ -1,21 +1,29 @@
 //! F3 of the reference: what near light in a known room takes away at each pixel, against ray tracing, for n = 1 to all
 //! lights. Hard: each light seen from one place, as [Gib03] draws it. Soft: from nine places on its parallelogram, as a
 //! filter over its shadow map does. In the ratio form, the share taken away times the picture without the object.
+//! Pixels are means over four places, as the reference's are means over their area.
+//!
+//! The reference's own noise is up to a tenth of a faint shadow. So the figures are held against rays of our own too, which
+//! have none, and those against the reference.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 #[path = "support/room_scene.rs"]
 mod room_scene;
 mod support;
 
+use glam::Vec3;
 use halflight::{
     assets::{case, pictures},
+    math::color,
+    model::scene::Mesh,
     nearfield::{
         field::{NearField, Preparation},
         patches::{Subdivision, subdivide},
+        representatives::Representative,
     },
     sources::expand::Priority,
 };
-use room_scene::{Object, Off, RoomView, Shadows, compare};
+use room_scene::{Object, Off, RoomView, Shadows, Traced, compare};
 use std::path::Path;
 
 const ALL: usize = usize::MAX;
@@ -23,8 +31,14 @@ const COUNTS: [usize; 6] = [1, 5, 10, 20, 50, ALL];
 
 struct Row {
     object: &'static str,
+    /// Rays of our own against the reference: its noise.
+    noise: Off,
+    /// Against the reference, at one place a pixel.
     hard: Vec<Off>,
+    /// Against the reference...
     soft: Vec<Off>,
+    /// ...and against our rays.
+    traced: Vec<Off>,
 }
 
 fn table(shared: &Path, id: &str, preparation: &Preparation) -> Vec<Row> {
@@ -34,53 +48,70 @@ fn table(shared: &Path, id: &str, preparation: &Preparation) -> Vec<Row> {
     let field = NearField::build(&room, patches, preparation, &|_| ()).unwrap();
     let report = field.report();
     println!("{id}, {:.0} % of the power: {report:?}", 100.0 * preparation.power_share);
-    assert!(report.patches <= 1500 && report.shaft_bytes + report.transfer_bytes < 16 << 20);
-    let view = RoomView::new(&case, &field.patches, &room, 1);
-    let model = view.gathered(&field);
+    assert!(report.patches <= 1500 && report.bytes < 3 << 20, "{report:?}");
+    let views = [1, 2].map(|side| RoomView::new(&case, &field.patches, &room, side));
+    let models = views.each_ref().map(|view| view.gathered(&field));
     let background = pictures::load_raw(&case.image("noobj").unwrap().file).unwrap();
     let mut rows = Vec::new();
     for object_name in ["table", "raised", "under"] {
         let object = Object::of(&case, &format!("obj_{object_name}"));
+        let truth = Traced::new(&case, object_name, &room, &views[1], &object, 32);
+        let noise = truth.against_reference(&case, object_name);
         let mut shadows = Shadows::default();
-        let mut off = |count: usize, side: u32| {
+        let mut shown = |count: usize, side: u32| {
             shadows.frame(&case, &field, &object, count, Priority::ErrorRemoved);
-            let removed = shadows.removed(&view, &field, &object, side);
+            let which = usize::from(side > 1 || count == ALL);
+            let removed = shadows.removed(&views[which], &field, &object, side);
             let mut shown = removed.clone();
             for (i, shown) in shown.iter_mut().enumerate() {
                 for c in 0..3 {
-                    let share = if model[i][c] > 0.0 { removed[i][c] / model[i][c] } else { 0.0 };
+                    let model = models[which][i][c];
+                    let share = if model > 0.0 { removed[i][c] / model } else { 0.0 };
                     shown[c] = share.min(1.0) * background.pixels()[i][c];
                 }
             }
-            compare(&case, object_name, &shown)
+            shown
         };
-        let hard: Vec<Off> = COUNTS.iter().map(|&n| off(n, 1)).collect();
-        // Each of all is small: its own width is nothing.
-        let mut soft: Vec<Off> = COUNTS[..5].iter().map(|&n| off(n, 3)).collect();
-        soft.push(hard[5]);
+        let hard: Vec<Off> = [1, 10, 50].iter().map(|&n| compare(&case, object_name, &shown(n, 1))).collect();
+        // Each of all is small: its own width is nothing. But where a sliver of the lamp is left, it is few of them.
+        let of_all = if (id, object_name) == ("f3_ceiling_light", "under") { 3 } else { 1 };
+        let sides = COUNTS.map(|n| if n == ALL { of_all } else { 3 });
+        let pictures = COUNTS.iter().zip(sides).map(|(&n, side)| shown(n, side));
+        let (soft, traced): (Vec<Off>, Vec<Off>) =
+            pictures.map(|p| (compare(&case, object_name, &p), truth.compare(&p))).unzip();
         let line = |offs: &[Off]| -> String {
             offs.iter().map(|o| format!("  {:.3} {:+5.1}%", o.rmse, 100.0 * (o.energy - 1.0))).collect()
         };
-        println!("  {object_name:7} hard {}\n          soft {}", line(&hard), line(&soft));
-        rows.push(Row { object: object_name, hard, soft });
+        println!(
+            "  {object_name:7} {} pixels, noise {}\n          hard {}\n          soft {}\n        traced {}",
+            soft[5].pixels,
+            line(&[noise]),
+            line(&hard),
+            line(&soft),
+            line(&traced)
+        );
+        rows.push(Row { object: object_name, noise, hard, soft, traced });
     }
     rows
 }
 
-/// Measured: relative RMSE of all sources, and of 10 and 50 soft lights; the removed light of 10 and of all, less 1.
-/// Wanted were 0.04, 0.20, 0.08, and 0.02 for both. Missed:
-/// * The box under the lamp's table stands in the table's own shadow, where little light is left: what is interpolated
-///   between corners across the edge of that shadow is more than there is.
-/// * The raised box's shadow under the ceiling is faint, and the reference's noise (0.9 % of the largest value in the mean) several
-///   per cent of its RMS: a good part of the 0.10, how much was not measured. Form factors and visibility at each pixel give 0.092.
-/// * Ten lights cannot follow a window, a ceiling and a wall patch to 2 % of their light: 50 do.
+/// What was measured. Relative RMSE of all sources, and of 10 and 50 soft lights: 0.04, 0.20 and 0.08 were wanted.
+/// The removed light of 10 and of all, less 1: 0.02 was wanted of both.
+///
+/// Met against rays without noise, but for the energy of ten lights where a window, a ceiling and a wall patch shine (3 %
+/// too much on the table, 2.5 % above it, 4 % too little below it): a wide light is in part behind the table and in part
+/// behind the object, and the product of both means is not the mean of products. 50 lights are within 1.5 %, but for
+/// 2.8 % below the table, of which 2.1 are interpolation.
+///
+/// The box under the lamp's table is no measure: six of the pixels looked at show its shadow, all in the table's penumbra,
+/// and in one of them, away from the shadow, the object seems to reach in by less than the mask's 64 samples show.
 const KNOWN: [(&str, &str, [f64; 3], [f64; 2]); 6] = [
-    ("f3_ceiling_light", "table", [0.018, 0.022, 0.018], [-0.001, 0.003]),
-    ("f3_ceiling_light", "raised", [0.018, 0.031, 0.019], [-0.001, 0.001]),
-    ("f3_ceiling_light", "under", [0.186, 0.279, 0.193], [0.377, 0.174]),
-    ("f3_window_ceiling_patch", "table", [0.038, 0.086, 0.046], [0.072, 0.009]),
-    ("f3_window_ceiling_patch", "raised", [0.101, 0.208, 0.112], [0.054, -0.010]),
-    ("f3_window_ceiling_patch", "under", [0.042, 0.067, 0.045], [-0.042, -0.023]),
+    ("f3_ceiling_light", "table", [0.0045, 0.0075, 0.0045], [-0.001, 0.001]),
+    ("f3_ceiling_light", "raised", [0.006, 0.0145, 0.0055], [0.001, 0.001]),
+    ("f3_ceiling_light", "under", [0.103, 0.129, 0.106], [0.112, 0.042]),
+    ("f3_window_ceiling_patch", "table", [0.0125, 0.0475, 0.0185], [0.033, 0.007]),
+    ("f3_window_ceiling_patch", "raised", [0.0325, 0.155, 0.0465], [0.025, 0.005]),
+    ("f3_window_ceiling_patch", "under", [0.0385, 0.0605, 0.0435], [-0.042, -0.021]),
 ];
 
 #[test]
@@ -88,17 +119,27 @@ fn removed_light_against_ray_tracing() {
     let Some(shared) = support::shared("removed_light_against_ray_tracing") else { return };
     for id in ["f3_ceiling_light", "f3_window_ceiling_patch"] {
         for row in table(&shared, id, &Preparation { power_share: 1.0, ..Preparation::default() }) {
-            let Row { object, hard, soft } = row;
+            let Row { object, noise, hard, soft, traced } = row;
             let known = KNOWN.iter().find(|k| (k.0, k.1) == (id, object)).unwrap();
+            let few = (id, object) == ("f3_ceiling_light", "under");
+            let held = if few { &soft } else { &traced };
             // A tenth more than measured, for neither noise nor platform plays a part: room for other rounding alone.
             for (at, most) in [(5, known.2[0]), (2, known.2[1]), (4, known.2[2])].map(|(at, k)| (at, 1.1 * k))
             {
-                assert!(soft[at].rmse <= most, "{id} {object} n {}: {} of {most}", COUNTS[at], soft[at].rmse);
+                assert!(held[at].rmse <= most, "{id} {object} n {}: {} of {most}", COUNTS[at], held[at].rmse);
             }
             for (at, most) in
                 [(2, known.3[0]), (5, known.3[1])].map(|(at, k): (_, f64)| (at, k.abs() + 0.005))
             {
-                assert!((soft[at].energy - 1.0).abs() <= most, "{id} {object}: {:?}", soft[at]);
+                assert!((held[at].energy - 1.0).abs() <= most, "{id} {object}: {:?}", held[at]);
+            }
+            // Rays of our own are the reference without its noise: 9 % of a faint shadow, 1 to 3 % of others.
+            let most = if object == "raised" { 0.095 } else { 0.035 };
+            if !few {
+                assert!(noise.rmse <= most && (noise.energy - 1.0).abs() < 0.005, "{id} {object}: {noise:?}");
+                // What is left against the reference is its noise and ours.
+                let both = noise.rmse.hypot(traced[5].rmse);
+                assert!(soft[5].rmse <= 1.15 * both, "{id} {object}: {:?}, {both}", soft[5]);
             }
             // More lights are better, hard or soft, up to a fiftieth; hard lights of the lamp alone get a shadow's
             // penumbra right by chance.
@@ -125,3 +166,86 @@ fn what_is_left_out_of_the_source_set_is_known() {
     assert!((report.power_share - 0.7).abs() < 0.01 && report.sources_left_out > 100);
     assert!((0.3..0.6).contains(&report.lost_mean) && report.lost_worst > 0.9);
 }
+
+/// The largest of what a step of `step_m` changes anywhere on the table and the floor, over the deepest shadow there, while a
+/// box of 20 cm is carried over the table: where the lights of the frame before would have been kept, and in all.
+fn largest_steps(case: &case::Case, field: &NearField, step_m: f32, count: usize, side: u32) -> [f32; 2] {
+    const FRAMES: usize = 100;
+    let vertices = field.patches.vertices.len();
+    let watched: Vec<usize> = (0..vertices)
+        .filter(|&v| {
+            let at = field.patches.vertices[v];
+            at.normal_world == Vec3::Z && at.position_world.z < 1e-3
+        })
+        .collect();
+    let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 0.2 - 0.1;
+    let sides: [[u32; 4]; 6] =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let mesh = Mesh {
+        positions: (0..8).map(corner).collect(),
+        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        ..Mesh::default()
+    };
+    let mut shadows = Shadows::default();
+    let mut before: Option<(Vec<Representative>, Vec<[f32; 3]>, Vec<f32>)> = None;
+    let (mut depth, mut steps) = (0.0f32, [0.0f32; 2]);
+    for frame in 0..FRAMES {
+        let object = Object::new(&mesh, Vec3::new(-0.25 + step_m * frame as f32, 0.05, 0.25));
+        shadows.frame(case, field, &object, count, Priority::ErrorRemoved);
+        let removed = |lights: &[Representative], rows: &[[f32; 3]]| -> Vec<f32> {
+            let at = |&v: &usize| {
+                let at = field.patches.vertices[v];
+                let light = |(k, light): (usize, &Representative)| {
+                    let row = color::luminance(rows[k * vertices + v]);
+                    if row > 0.0 {
+                        row * object.hidden(at.gather_world, at.normal_world, light, side)
+                    } else {
+                        0.0
+                    }
+                };
+                lights.iter().enumerate().map(light).sum()
+            };
+            watched.iter().map(at).collect()
+        };
+        let now = removed(shadows.lights.near(), &shadows.rows);
+        depth = now.iter().copied().fold(depth, f32::max);
+        if let Some((lights, rows, last)) = before {
+            let largest = |old: &[f32]| old.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let both = [largest(&removed(&lights, &rows)), largest(&last)];
+            steps.iter_mut().zip(both).for_each(|(most, step)| *most = most.max(step));
+        }
+        before = Some((shadows.lights.near().to_vec(), shadows.rows.clone(), now));
+    }
+    assert!(watched.len() > 100 && depth > 0.0);
+    steps.map(|step| step / depth)
+}
+
+#[test]
+fn a_box_that_moves_slowly_does_not_make_its_shadow_jump() {
+    let Some(shared) = support::shared("a_box_that_moves_slowly") else { return };
+    let case = case::load(&shared.join("reference/f3_window_ceiling_patch")).unwrap();
+    let room = case.room();
+    let patches = subdivide(&room, &Subdivision::default(), &|_| None).unwrap();
+    let all = Preparation { power_share: 1.0, ..Preparation::default() };
+    let field = NearField::build(&room, patches, &all, &|_| ()).unwrap();
+    for (step_m, count, side, most) in STEPS {
+        let steps = largest_steps(&case, &field, step_m, count, side);
+        println!("steps of {:.1} mm, {count} lights of {side} x {side} places: {steps:.4?}", 1e3 * step_m);
+        assert!(steps[0] <= 1.1 * most[0] && steps[1] <= 1.1 * most[1]);
+    }
+}
+
+/// Step, lights, places a side; measured: the most that another choice of lights, and that all that moves, changes anywhere
+/// of the deepest shadow.
+///
+/// Of steps of 0.1 mm one in a hundred marks a source anew, which shifts a light's parallelogram and a few of its nine places
+/// past an edge. Ten hard lights step by two lights when one of them is split; fifty soft ones by a seventieth.
+/// What moves in all is mostly edges of the box that pass over a place: a light of ten is a tenth of the shadow.
+const STEPS: [(f32, usize, u32, [f32; 2]); 6] = [
+    (0.0001, 10, 1, [0.0, 0.267]),
+    (0.0001, 10, 3, [0.0935, 0.0935]),
+    (0.0001, 50, 3, [0.002, 0.019]),
+    (0.005, 10, 1, [0.228, 0.485]),
+    (0.005, 10, 3, [0.076, 0.147]),
+    (0.005, 50, 3, [0.0141, 0.0702]),
+];

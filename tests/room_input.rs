@@ -194,8 +194,8 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
         make_ready(&source, None, &|_| ()).map(|r| r.known.report.probe.unwrap()).map_err(|e| e.to_string())
     };
     let report = ready(0.3, MapLayout::Equirect).unwrap();
-    // But for what the lamp hides of the ceiling everything was seen.
-    assert!(report.fronts > 0.999 && report.seen_patches > 50 * report.filled_patches, "{report:?}");
+    // But for what the lamp hides of the ceiling everything was seen; patches are many and small there.
+    assert!(report.fronts > 0.999 && report.seen_patches > 10 * report.filled_patches, "{report:?}");
     let error = ready(-0.8, MapLayout::Equirect).unwrap_err();
     assert!(error.contains("room.glb") && error.contains("must be inside of the room"), "{error}");
     let error = ready(0.3, MapLayout::Cube).unwrap_err();

@@ -143,10 +143,10 @@ fn matches(backend: Backend) {
     let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);
     let base = Quality { coverage_samples: 1, ..Quality::default() };
     let shots = [
-        ("hard", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 1, ..base.clone() }),
-        ("soft", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 4, ..base.clone() }),
-        ("sun", Distortion::None, true, Quality { shadow_maps: 7, pcf_taps: 3, ..base.clone() }),
-        ("bent", radial, true, Quality { shadow_maps: 10, pcf_taps: 2, ..base.clone() }),
+        ("hard", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 1, ..base }),
+        ("soft", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 4, ..base }),
+        ("sun", Distortion::None, true, Quality { shadow_maps: 7, pcf_taps: 3, ..base }),
+        ("bent", radial, true, Quality { shadow_maps: 10, pcf_taps: 2, ..base }),
         // More than one page of tiles: 64 go on one, or fewer where textures are smaller.
         (
             "many",

@@ -87,10 +87,10 @@ pub fn run() {
     let room = room();
     for power_share in [0.7, 1.0] {
         println!(
-            "  {:.0} % of the power; s: divide, prepare (growth); leaf shafts, MiB of shafts and transfers; ms a frame: mark, choose 10, rows",
+            "  {:.0} % of the power; s: divide, prepare (exponent); leaf shafts; MiB of shafts, transfers, all (exponent); ms a frame: mark + choose 10 = both (exponent), rows",
             100.0 * power_share
         );
-        let mut before: Option<(f64, f64)> = None;
+        let mut before: Option<(f64, [f64; 3])> = None;
         for patches in [250, 500, 1000, 2000, 4000] {
             let begin = Instant::now();
             let how = Subdivision { patches, ..Subdivision::default() };
@@ -101,17 +101,26 @@ pub fn run() {
             let field = NearField::build(&room, divided, &preparation, &|_| ()).expect("a lit room");
             let prepare_s = begin.elapsed().as_secs_f64();
             let report = field.report();
-            let growth =
-                before.map_or(f64::NAN, |(n, s)| (prepare_s / s).ln() / (report.patches as f64 / n).ln());
-            before = Some((report.patches as f64, prepare_s));
+            let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
             let [mark, choose, rows] = frames(&field, 10);
+            let costs = [prepare_s, mib(report.bytes), mark + choose];
+            // Exponents of the growth since the row above.
+            let growth = before.map_or([f64::NAN; 3], |(n, old)| {
+                std::array::from_fn(|i| (costs[i] / old[i]).ln() / (report.patches as f64 / n).ln())
+            });
+            before = Some((report.patches as f64, costs));
             println!(
-                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({growth:.2}); {:7} {:5.2} {:5.2}; {mark:.3} {choose:.3} {rows:.3}",
+                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({:.2}); {:7}; {:.2} {:.2} {:.2} ({:.2}); {mark:.3} + {choose:.3} = {:.3} ({:.2}), {rows:.3}",
                 report.patches,
                 report.sources,
+                growth[0],
                 report.leaf_shafts,
-                report.shaft_bytes as f64 / f64::from(1 << 20),
-                report.transfer_bytes as f64 / f64::from(1 << 20),
+                mib(report.shaft_bytes),
+                mib(report.transfer_bytes),
+                mib(report.bytes),
+                growth[1],
+                mark + choose,
+                growth[2],
             );
         }
     }

@@ -1,6 +1,7 @@
 //! The CPU twins in order: the readable description of one frame.
 
 mod check;
+mod finish;
 mod fragments;
 mod room;
 mod soft;
@@ -12,7 +13,6 @@ use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput}
 use crate::animate::posed::Posed;
 use crate::compose::{
     carried::{Coarse, RUN, SeenPlane},
-    composite,
     geometry::{MIRROR_EXPONENT, ObjectGeometry, SurfaceGeometry},
     raster::{self, Fragment, Points, Projected, Rays, Row, Samples, View},
     reflected::Reflected,
@@ -41,7 +41,6 @@ use crate::visibility::{
 };
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
-use rayon::prelude::*;
 use room::RoomWork;
 use std::sync::Arc;
 
@@ -463,41 +462,5 @@ impl Work {
             self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
             self.seen_from = Some(*view);
         }
-    }
-
-    pub(super) fn composite(
-        &self,
-        input: &RelightInput<'_>,
-        objects: bool,
-        ratios: bool,
-        out: &mut RadianceImage,
-    ) {
-        let background = &input.background.radiance;
-        let width = background.width();
-        out.reshape(width, background.height(), [0.0; 3]);
-        let (layer, ratio) = (self.object_layer.pixels(), self.ratio.pixels());
-        let rows = out.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(background.pixels().par_chunks(width.max(1))).enumerate().for_each(|(y, (out, row))| {
-            for (x, (out, &below)) in out.iter_mut().zip(row).enumerate() {
-                let i = y * width + x;
-                let ratio = if ratios { ratio[i] } else { [1.0; 3] };
-                let object = if objects { layer[i] } else { [0.0; 4] };
-                *out = composite::over(below, ratio, object);
-            }
-        });
-    }
-
-    pub(super) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
-        let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
-        table.update(input.response);
-        let (width, height) = (out.radiance.width(), out.radiance.height());
-        out.display.reshape(width, height, [0; 3]);
-        let exposure_s = input.shown_exposure.effective_s() as f32;
-        let rows = out.display.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(out.radiance.pixels().par_chunks(width.max(1))).for_each(|(display, radiance)| {
-            for (display, radiance) in display.iter_mut().zip(radiance) {
-                *display = std::array::from_fn(|c| table.value(c, radiance[c] * exposure_s));
-            }
-        });
     }
 }

@@ -4,10 +4,12 @@
 use super::{
     error::RoomError,
     octree::Octree,
+    packed::{BLOCK, BlockSums, PackedRow, Transfers, unpack},
     sets::{budget_threshold, source_set},
     shaft::Aabb,
     shafts::ShaftHierarchy,
-    transfer::{SourceOutline, Statics, TransferRow},
+    sums::NodeSums,
+    transfer::{SourceOutline, Statics},
 };
 use crate::{
     math::color,
@@ -92,6 +94,8 @@ pub struct FieldReport {
     pub shaft_bytes: usize,
     /// Bytes of the transfers.
     pub transfer_bytes: usize,
+    /// Bytes of all that the room made ready holds, these included.
+    pub bytes: usize,
 }
 
 /// The room made ready.
@@ -115,7 +119,9 @@ pub struct NearField {
     pub gathered_rgb: Vec<[f32; 3]>,
     /// The same over the source set alone.
     pub kept_rgb: Vec<[f32; 3]>,
-    transfers: Vec<TransferRow>,
+    transfers: Transfers,
+    sums: NodeSums,
+    scatters_m2: Vec<[f32; 6]>,
     report: FieldReport,
 }
 
@@ -151,6 +157,7 @@ impl NearField {
         let source_tree = SourceTree::build(&places, &powers);
         let sources: Vec<Source> =
             source_tree.order().iter().map(|&i| source(all, set.patches[i as usize])).collect();
+        let scatters_m2 = sources.iter().map(|s| scatter_m2(&patches, s)).collect();
         let source_boxes = node_boxes(&source_tree, &sources, &patches);
         let boxes: Vec<Aabb> = receivers.iter().map(|&i| patch_box(&patches, i)).collect();
         let octree = Octree::build(&boxes);
@@ -158,7 +165,7 @@ impl NearField {
         let receiving = receiving_vertices(&patches, &receivers);
         let statics = Statics::new(room);
         let done = AtomicUsize::new(0);
-        let transfers: Vec<TransferRow> = sources
+        let rows: Vec<(PackedRow, Vec<u16>)> = sources
             .par_iter()
             .enumerate()
             .map_init(
@@ -176,15 +183,22 @@ impl NearField {
                     }
                     let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
                     progress(TRANSFERS_SHARE * finished as f32 / sources.len() as f32);
-                    TransferRow::from_dense(dense)
+                    let sums = NodeSums::of_source(&patches, &receivers, &octree, dense);
+                    (PackedRow::from_dense(dense), sums)
                 },
             )
             .collect();
+        let (rows, row_sums): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        let transfers = Transfers::of(&rows);
+        drop(rows);
+        let sums = NodeSums::of(&patches, &receivers, &octree, &row_sums);
+        drop(row_sums);
 
         let mut kept_rgb = vec![[0.0f32; 3]; patches.vertices.len()];
-        for (source, row) in sources.iter().zip(&transfers) {
-            row.add_to(source.radiance_rgb, &mut kept_rgb);
-        }
+        let mut planes = BlockSums::default();
+        planes.want(&(0..patches.vertices.len() as u32).collect::<Vec<_>>(), patches.vertices.len());
+        transfers.add_to(sources.iter().map(|s| s.radiance_rgb).enumerate(), &mut planes);
+        planes.take(&mut kept_rgb);
         let rest = rest_of_light(&patches, &set.patches, &receiving, &statics);
         let gathered_rgb: Vec<[f32; 3]> = kept_rgb
             .iter()
@@ -199,9 +213,11 @@ impl NearField {
         let kept = |leaf: usize, flags: &mut [bool]| {
             let luminance = sources[leaf].luminance;
             let mut counts = vec![false; thresholds.len()];
-            for (first, values) in transfers[leaf].runs() {
-                for (i, value) in values.iter().enumerate() {
-                    counts[first + i] = *value > 0.0 && luminance * value >= thresholds[first + i];
+            for (first, codes) in transfers.blocks(leaf) {
+                for ((count, threshold), code) in
+                    counts[first..].iter_mut().zip(&thresholds[first..]).zip(codes)
+                {
+                    *count = *code > 0 && luminance * unpack(*code) >= *threshold;
                 }
             }
             for (node, vertices) in &leaf_vertices {
@@ -220,6 +236,8 @@ impl NearField {
             gathered_rgb,
             kept_rgb,
             transfers,
+            sums,
+            scatters_m2,
             report: FieldReport::default(),
         };
         field.report = field.examine(set.left_out, set.power_share, neglected_worst);
@@ -227,9 +245,32 @@ impl NearField {
         Ok(field)
     }
 
-    /// T = F V of each source at every vertex, in the order of `sources`.
-    pub fn transfers(&self) -> &[TransferRow] {
+    /// T = F V of each source at every vertex, in the order of `sources`; in 16 bits, wrong by at most one in 4096.
+    pub fn transfers(&self) -> &Transfers {
         &self.transfers
+    }
+
+    /// The same summed over the receivers of each node of the octree.
+    pub fn sums(&self) -> &NodeSums {
+        &self.sums
+    }
+
+    /// Mean square of each source's places about its middle: xx, xy, xz, yy, yz, zz, square metres.
+    pub(super) fn source_scatters_m2(&self) -> &[[f32; 6]] {
+        &self.scatters_m2
+    }
+
+    /// Bytes that the room made ready holds.
+    pub fn bytes(&self) -> usize {
+        let patches = size_of_val(&*self.patches.vertices) + size_of_val(&*self.patches.patches);
+        let sources =
+            size_of_val(&*self.sources) + size_of_val(&*self.source_boxes) + size_of_val(&*self.scatters_m2);
+        let tree = size_of_val(self.source_tree.nodes()) + size_of_val(self.source_tree.order());
+        let octree = size_of_val(self.octree.nodes()) + size_of_val(self.octree.order());
+        let receivers = size_of_val(&*self.receivers);
+        let light = size_of_val(&*self.gathered_rgb) + size_of_val(&*self.kept_rgb);
+        let pairs = self.transfers.bytes() + self.sums.bytes() + self.shafts.bytes();
+        patches + sources + tree + octree + receivers + light + pairs
     }
 
     /// What was built, and what it leaves out.
@@ -260,9 +301,10 @@ impl NearField {
             lost_worst: lost.iter().copied().fold(0.0, f32::max),
             neglected_worst,
             leaf_shafts: self.shafts.leaves(),
-            shafts: self.shafts.shafts().len(),
+            shafts: self.shafts.len(),
             shaft_bytes: self.shafts.bytes(),
-            transfer_bytes: self.transfers.iter().map(TransferRow::bytes).sum(),
+            transfer_bytes: self.transfers.bytes() + self.sums.bytes(),
+            bytes: self.bytes(),
         }
     }
 }
@@ -291,6 +333,20 @@ fn source(all: &[Patch], index: u32) -> Source {
         radiance_rgb: patch.radiance_rgb,
         luminance: color::luminance(patch.radiance_rgb),
     }
+}
+
+/// A parallelogram about its middle has the scatter of its sides over 12; a triangle's is that of its corners over 12.
+fn scatter_m2(patches: &RoomPatches, source: &Source) -> [f32; 6] {
+    let (corners, count) = patches.outline_world(&patches.patches[source.patch as usize]);
+    let [a, b, c, d] = corners.map(|c| c.as_dvec3());
+    let middle = source.centre_world.as_dvec3();
+    let arms = if count == 4 {
+        [(b - a + c - d) * 0.5, (d - a + c - b) * 0.5, glam::DVec3::ZERO]
+    } else {
+        [a - middle, b - middle, c - middle]
+    };
+    let sum = |i: usize, j: usize| (arms.iter().map(|v| v[i] * v[j]).sum::<f64>() / 12.0) as f32;
+    [sum(0, 0), sum(0, 1), sum(0, 2), sum(1, 1), sum(1, 2), sum(2, 2)]
 }
 
 fn patch_box(patches: &RoomPatches, index: u32) -> Aabb {
@@ -344,23 +400,31 @@ fn rest_of_light(patches: &RoomPatches, set: &[u32], receiving: &[bool], statics
 }
 
 /// For each vertex the luminance from which on a source counts, and the largest share neglected anywhere.
-fn thresholds(sources: &[Source], rows: &[TransferRow], receiving: &[bool], share: f64) -> (Vec<f32>, f32) {
-    let found: Vec<(f32, f32)> = (0..receiving.len())
-        .into_par_iter()
-        .map_init(Vec::new, |values: &mut Vec<f32>, vertex| {
-            if !receiving[vertex] {
-                return (0.0, 0.0);
+fn thresholds(sources: &[Source], rows: &Transfers, receiving: &[bool], share: f64) -> (Vec<f32>, f32) {
+    let of_block = |(block, receiving): (usize, &[bool])| {
+        let mut light: Vec<Vec<f32>> = vec![Vec::with_capacity(sources.len()); receiving.len()];
+        for (index, source) in sources.iter().enumerate() {
+            let Some(codes) = rows.block(index, block) else { continue };
+            for (values, code) in light.iter_mut().zip(codes).filter(|(_, code)| **code > 0) {
+                values.push(source.luminance * unpack(*code));
             }
-            values.clear();
-            values.extend(rows.iter().zip(sources).map(|(row, s)| row.at(vertex) * s.luminance));
+        }
+        let mut found = Vec::with_capacity(receiving.len());
+        for (values, receiving) in light.iter_mut().zip(receiving) {
+            if !receiving {
+                found.push((0.0, 0.0));
+                continue;
+            }
             let threshold = budget_threshold(values, share);
             let total: f32 = values.iter().sum();
             let below: f32 = values.iter().filter(|v| **v < threshold).sum();
-            (threshold, if total > 0.0 { below / total } else { 0.0 })
-        })
-        .collect();
-    let worst = found.iter().map(|f| f.1).fold(0.0, f32::max);
-    (found.into_iter().map(|f| f.0).collect(), worst)
+            found.push((threshold, if total > 0.0 { below / total } else { 0.0 }));
+        }
+        found
+    };
+    let found: Vec<Vec<(f32, f32)>> = receiving.par_chunks(BLOCK).enumerate().map(of_block).collect();
+    let worst = found.iter().flatten().map(|f| f.1).fold(0.0, f32::max);
+    (found.into_iter().flatten().map(|f| f.0).collect(), worst)
 }
 
 /// Vertices of the patches in each leaf of the octree, each once.

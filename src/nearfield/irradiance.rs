@@ -217,7 +217,7 @@ fn step_of(index: usize, counts: [usize; 3]) -> glam::UVec3 {
 }
 
 /// Radiance that leaves a patch: as measured, else its own and what it reflects.
-fn sent_out(field: &NearField, patch: &Patch) -> [f32; 3] {
+pub fn sent_out(field: &NearField, patch: &Patch) -> [f32; 3] {
     if patch.seen && patch.radiance_rgb != [0.0; 3] {
         return patch.radiance_rgb;
     }

@@ -71,6 +71,14 @@ fn reaches(axis: &DVec3, half_angle: f64, to: DVec3, radius: f64) -> bool {
     axis.angle_between(to) <= half_angle + (radius / distance).asin()
 }
 
+/// A shaft, and how many of the objects may reach into it.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    source: u32,
+    receiver: u32,
+    candidates: u32,
+}
+
 /// What moving objects may hide in a frame; keeps its memory from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
@@ -82,8 +90,11 @@ pub struct Marks {
     leaves: Vec<u32>,
     vertices: Vec<u32>,
     objects: Vec<Aabb>,
-    /// A shaft, and how many of the objects may reach into it.
-    stack: Vec<(u32, u32)>,
+    /// Shafts to look at.
+    stack: Vec<Open>,
+    /// How many sources below each node of the source tree, and leaves below each of the octree, may still be marked.
+    sources_left: Vec<u32>,
+    leaves_left: Vec<u32>,
     tested: usize,
 }
 
@@ -92,31 +103,30 @@ impl Marks {
     /// receivers in the view count, where one is given. Boxes that are empty or not finite reach nowhere. An object that
     /// contains a source or a receiver reaches into its shafts.
     pub fn mark(&mut self, field: &NearField, objects: &[Aabb], view: Option<&View>) {
-        self.begin(field);
+        self.begin(field, view);
         self.objects.clear();
         self.objects.extend(objects.iter().filter(|b| b.is_sound()));
-        let shafts = field.shafts.shafts();
         self.stack.clear();
-        if !shafts.is_empty() && !self.objects.is_empty() {
-            self.stack.push((0, self.objects.len() as u32));
+        if !self.objects.is_empty() {
+            self.open(field, view, 0, 0, self.objects.len() as u32);
         }
         let nodes = field.octree.nodes();
-        while let Some((index, candidates)) = self.stack.pop() {
-            let shaft = shafts[index as usize];
-            if view.is_some_and(|v| !v.nodes.get(shaft.receiver as usize).is_some_and(|n| *n)) {
+        while let Some(Open { source, receiver, candidates }) = self.stack.pop() {
+            // All that it could mark is marked.
+            if self.sources_left[source as usize] == 0 && self.leaves_left[receiver as usize] == 0 {
                 continue;
             }
-            let source = &field.source_boxes[shaft.source as usize];
-            let receiver = &nodes[shaft.receiver as usize];
-            let children = field.shafts.children(index as usize);
+            let source_box = &field.source_boxes[source as usize];
+            let receiver_box = &nodes[receiver as usize].bounds;
+            let divides_source = field.shafts.divides_source(source, receiver);
             // Objects that reach in come first: children test those alone, and any order of them will do.
             let mut inside = 0;
             for i in 0..candidates as usize {
                 self.tested += 1;
-                if shaft_interval(source, &receiver.bounds, &self.objects[i]).is_some() {
+                if shaft_interval(source_box, receiver_box, &self.objects[i]).is_some() {
                     self.objects.swap(inside, i);
                     inside += 1;
-                    if children.is_empty() {
+                    if divides_source.is_none() {
                         break;
                     }
                 }
@@ -124,12 +134,28 @@ impl Marks {
             if inside == 0 {
                 continue;
             }
-            if children.is_empty() {
-                let leaf = field.source_tree.nodes()[shaft.source as usize].begin;
-                tag(self.frame, leaf, &mut self.source_tags, &mut self.sources);
-                tag(self.frame, u32::from(shaft.receiver), &mut self.leaf_tags, &mut self.leaves);
-            } else {
-                self.stack.extend(children.map(|child| (child, inside as u32)));
+            match divides_source {
+                Some(true) => {
+                    let children = field.source_tree.nodes()[source as usize].children;
+                    self.open(field, view, children, receiver, inside as u32);
+                    self.open(field, view, children + 1, receiver, inside as u32);
+                }
+                Some(false) => {
+                    let node = &nodes[receiver as usize];
+                    for child in node.children..node.children + node.child_count {
+                        self.open(field, view, source, child, inside as u32);
+                    }
+                }
+                None => {
+                    let leaf = field.source_tree.nodes()[source as usize].begin;
+                    if tag(self.frame, leaf, &mut self.source_tags, &mut self.sources) {
+                        let tree = field.source_tree.nodes();
+                        count_down(&mut self.sources_left, source, |node| tree[node as usize].parent);
+                    }
+                    if tag(self.frame, receiver, &mut self.leaf_tags, &mut self.leaves) {
+                        count_down(&mut self.leaves_left, receiver, |n| field.shafts.receiver_parent(n));
+                    }
+                }
             }
         }
         self.sources.sort_unstable();
@@ -147,7 +173,15 @@ impl Marks {
         self.vertices.sort_unstable();
     }
 
-    fn begin(&mut self, field: &NearField) {
+    /// Puts a shaft on the list, where there is one and its receivers are seen.
+    fn open(&mut self, field: &NearField, view: Option<&View>, source: u32, receiver: u32, candidates: u32) {
+        let seen = view.is_none_or(|v| v.nodes.get(receiver as usize).is_some_and(|n| *n));
+        if seen && field.shafts.has(source, receiver) {
+            self.stack.push(Open { source, receiver, candidates });
+        }
+    }
+
+    fn begin(&mut self, field: &NearField, view: Option<&View>) {
         let sizes = [field.sources.len(), field.octree.nodes().len(), field.patches.vertices.len()];
         let lists = [&mut self.source_tags, &mut self.leaf_tags, &mut self.vertex_tags];
         let afresh = self.frame == u32::MAX;
@@ -162,6 +196,22 @@ impl Marks {
         self.leaves.clear();
         self.vertices.clear();
         self.tested = 0;
+        self.sources_left.clear();
+        self.sources_left.extend_from_slice(field.shafts.source_leaves());
+        self.leaves_left.clear();
+        self.leaves_left.extend_from_slice(field.shafts.receiver_leaves());
+        if let Some(view) = view {
+            // Leaves that are not seen are never marked.
+            for (i, node) in field.octree.nodes().iter().enumerate().rev() {
+                let first = node.children as usize;
+                if !view.nodes.get(i).is_some_and(|n| *n) {
+                    self.leaves_left[i] = 0;
+                } else if !node.is_leaf() {
+                    let children = first..first + node.child_count as usize;
+                    self.leaves_left[i] = self.leaves_left[children].iter().sum();
+                }
+            }
+        }
     }
 
     /// Marked sources: indices into [`NearField::sources`], in order.
@@ -195,11 +245,26 @@ impl Marks {
     }
 }
 
-fn tag(frame: u32, index: u32, tags: &mut [u32], list: &mut Vec<u32>) {
+/// Tags an entry in this frame; whether it was not yet.
+fn tag(frame: u32, index: u32, tags: &mut [u32], list: &mut Vec<u32>) -> bool {
     let slot = &mut tags[index as usize];
-    if *slot != frame {
+    let new = *slot != frame;
+    if new {
         *slot = frame;
         list.push(index);
+    }
+    new
+}
+
+/// One less for a leaf and all nodes above it.
+fn count_down(left: &mut [u32], leaf: u32, parent: impl Fn(u32) -> u32) {
+    let mut node = leaf;
+    loop {
+        left[node as usize] = left[node as usize].saturating_sub(1);
+        if node == 0 {
+            return;
+        }
+        node = parent(node);
     }
 }
 

@@ -42,7 +42,7 @@ pub struct Subdivision {
 impl Default for Subdivision {
     /// 1500 patches, as in [Gib03] ("between 1000 and 2000"), many of them where the light is and where shadows end.
     fn default() -> Self {
-        Self { patches: 1500, refined: 0.35, edges: 0.3 }
+        Self { patches: 1500, refined: 0.35, edges: 0.45 }
     }
 }
 

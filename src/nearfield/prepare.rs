@@ -58,6 +58,8 @@ pub enum RoomLight<'a> {
         /// Whether small strong lights far beyond its texels become suns (see [`RoomSun`]).
         factor_sun: bool,
     },
+    /// From a probe that was mapped onto the same room before, by `probe::map_probe`.
+    Mapped(&'a Mapped),
 }
 
 /// A linear picture of the room without virtual objects.
@@ -125,8 +127,7 @@ pub fn prepare(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<KnownRoom, RoomError> {
-    let area_m2 = area_m2(&room);
-    let subdivision = Subdivision { patches: patch_count(how, area_m2)?, ..Subdivision::default() };
+    let (area_m2, subdivision) = (area_m2(&room), subdivision(&room, how)?);
     let lit = |share: f32| progress(LIGHT_SHARE * share);
     let (patches, suns, probe) = match light {
         RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
@@ -134,6 +135,9 @@ pub fn prepare(
             let probe = Probe { map, world_from_map, position_world, factor_sun };
             let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, &lit)?;
             (patches, suns, Some(report))
+        }
+        RoomLight::Mapped(mapped) => {
+            (mapped.patches.clone(), mapped.suns.clone(), Some(mapped.report.clone()))
         }
     };
     lit(1.0);
@@ -149,6 +153,14 @@ pub fn prepare(
     }
     progress(1.0);
     Ok(known)
+}
+
+/// How a room is divided by its settings.
+///
+/// # Errors
+/// A patch size out of range.
+pub fn subdivision(room: &Room, how: &RoomSettings) -> Result<Subdivision, RoomError> {
+    Ok(Subdivision { patches: patch_count(how, area_m2(room))?, ..Subdivision::default() })
 }
 
 fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {

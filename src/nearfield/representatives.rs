@@ -1,6 +1,6 @@
 //! The marked sources as at most n lights, each with one hard shadow (Section 8 of [Gib03]).
 
-use super::{field::NearField, marks::Marks, shaft::Aabb};
+use super::{field::NearField, marks::Marks, packed::BlockSums, shaft::Aabb};
 use crate::{
     math::solve::symmetric_eigen,
     sources::expand::{Chosen, Expander, Marked, Priority},
@@ -37,7 +37,11 @@ pub struct Representatives {
     expander: Expander,
     light: Vec<f32>,
     towards: Vec<Vec3>,
-    mask: Vec<f32>,
+    /// One over each marked source's distance, 1/m.
+    nearness: Vec<f32>,
+    /// Whether all leaves below a node of the octree are marked.
+    whole: Vec<bool>,
+    sums: BlockSums,
     near: Vec<Representative>,
     far: Vec<Chosen>,
 }
@@ -47,7 +51,7 @@ impl Representatives {
     /// lights' texels) where one is given: both share the count by what it gains, and their light must be in one unit,
     /// irradiance in luminance. `objects` are the boxes given to [`Marks::mark`].
     ///
-    /// The light of a marked source is the mean over the marked receivers' vertices of pi L T.
+    /// The light of a marked source is the mean over the receivers of the marked leaves, by their area, of pi L T.
     pub fn choose(
         &mut self,
         field: &NearField,
@@ -59,21 +63,22 @@ impl Representatives {
     ) {
         let around = objects.iter().filter(|b| b.is_sound()).fold(Aabb::EMPTY, |sum, b| sum.join(b));
         let eye = around.centre();
-        self.mask.clear();
-        self.mask.resize(field.patches.vertices.len(), 0.0);
-        for &vertex in marks.vertices() {
-            self.mask[vertex as usize] = 1.0;
-        }
-        let scale = std::f32::consts::PI / marks.vertices().len().max(1) as f32;
         self.light.clear();
         self.light.resize(field.sources.len(), 0.0);
-        self.towards.clear();
-        self.towards.extend(field.sources.iter().map(|s| (s.centre_world - eye).normalize_or(Vec3::Z)));
-        for &source in marks.sources() {
-            let sum = field.transfers()[source as usize].dot(&self.mask);
-            let light = field.sources[source as usize].luminance * sum * scale;
+        let area_m2 = self.receive(field, marks);
+        let scale = if area_m2 > 0.0 { std::f32::consts::PI / area_m2 } else { 0.0 };
+        self.towards.resize(field.sources.len(), Vec3::Z);
+        self.nearness.resize(field.sources.len(), 0.0);
+        for (index, (light, source)) in self.light.iter_mut().zip(&field.sources).enumerate() {
+            if !marks.has_source(index) {
+                *light = 0.0;
+                continue;
+            }
             // A marked source is never left out, however faint.
-            self.light[source as usize] = light.max(f32::MIN_POSITIVE);
+            *light = (*light * source.luminance * scale).max(f32::MIN_POSITIVE);
+            let to = source.centre_world - eye;
+            self.towards[index] = to.normalize_or(Vec3::Z);
+            self.nearness[index] = 1.0 / to.length().max(1e-3);
         }
         let near =
             Marked { tree: &field.source_tree, light: &self.light, towards: &self.towards, lasting: true };
@@ -81,13 +86,14 @@ impl Representatives {
         let trees = if far.is_some() { &both[..] } else { &both[..1] };
         self.near.clear();
         self.far.clear();
-        for chosen in self.expander.expand(trees, count, by) {
+        self.expander.expand(trees, count, by);
+        for chosen in self.expander.chosen() {
             if chosen.tree == 1 {
                 self.far.push(*chosen);
                 continue;
             }
             let source = &field.sources[chosen.centre as usize];
-            let (middle_world, half_axes_world) = spread(field, chosen.node, &self.light, eye);
+            let (middle_world, half_axes_world) = self.spread(field, chosen.node, eye);
             self.near.push(Representative {
                 node: chosen.node,
                 source: chosen.centre,
@@ -113,62 +119,78 @@ impl Representatives {
     }
 
     /// What each near light sends to each vertex: sum over its marked sources of L T, linear RGB, light by light, each
-    /// with an entry for every vertex of the room. Times the vertex's diffuse reflectance it is the radiance L_xk that is
-    /// to be taken away where the light is hidden; over [`NearField::gathered_rgb`] it is the share of it.
-    pub fn light_rows(&self, field: &NearField, marks: &Marks, out: &mut Vec<[f32; 3]>) {
+    /// with an entry for every vertex of the room; right at the marked vertices, at others it may be zero. Times the
+    /// vertex's diffuse reflectance it is the radiance L_xk that is to be taken away where the light is hidden; over
+    /// [`NearField::gathered_rgb`] it is the share of it.
+    pub fn light_rows(&mut self, field: &NearField, marks: &Marks, out: &mut Vec<[f32; 3]>) {
         let vertices = field.patches.vertices.len();
-        out.clear();
         out.resize(self.near.len() * vertices, [0.0; 3]);
+        self.sums.want(marks.vertices(), vertices);
         for (light, row) in self.near.iter().zip(out.chunks_mut(vertices.max(1))) {
             let node = field.source_tree.nodes()[light.node as usize];
-            for source in (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s)) {
-                field.transfers()[source].add_to(field.sources[source].radiance_rgb, row);
-            }
+            let marked = (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s));
+            field.transfers().add_to(marked.map(|s| (s, field.sources[s].radiance_rgb)), &mut self.sums);
+            self.sums.take(row);
         }
     }
-}
 
-/// Middle and half axes of the marked sources below a node, each as wide as its patch: by their directions from `eye`, at
-/// their mean distance, for the middle of places on several walls would lie in the open before them.
-fn spread(field: &NearField, node: u32, light: &[f32], eye: Vec3) -> (Vec3, [Vec3; 2]) {
-    let node = field.source_tree.nodes()[node as usize];
-    let eye = eye.as_dvec3();
-    let marked = || (node.begin as usize..node.end as usize).filter(|&s| light[s] > 0.0);
-    let total: f64 = marked().map(|s| f64::from(light[s])).sum();
-    let weight = |s: usize| f64::from(light[s]) / total;
-    let real = |s: usize| field.sources[s].centre_world.as_dvec3();
-    let nearness: f64 = marked().map(|s| weight(s) / real(s).distance(eye).max(1e-3)).sum();
-    let place = |s: usize| eye + (real(s) - eye).normalize_or(DVec3::Z) / nearness;
-    let mean: DVec3 = marked().map(|s| place(s) * weight(s)).sum();
-    let middle = eye + (mean - eye).normalize_or(DVec3::Z) / nearness;
-    let mut scatter = [[0.0; 3]; 3];
-    let mut add = |v: DVec3, weight: f64| {
-        for i in 0..3 {
-            for j in 0..3 {
-                scatter[i][j] += weight * v[i] * v[j];
+    /// Adds to each source's entry its T over the receivers of the marked leaves; their area, square metres.
+    fn receive(&mut self, field: &NearField, marks: &Marks) -> f32 {
+        let nodes = field.octree.nodes();
+        self.whole.clear();
+        self.whole.resize(nodes.len(), false);
+        for &leaf in marks.leaves() {
+            self.whole[leaf as usize] = true;
+        }
+        for (i, node) in nodes.iter().enumerate().rev().filter(|(_, n)| !n.is_leaf()) {
+            let first = node.children as usize;
+            self.whole[i] = self.whole[first..first + node.child_count as usize].iter().all(|w| *w);
+        }
+        let mut area_m2 = 0.0;
+        for node in (0..nodes.len()).filter(|&n| self.whole[n]) {
+            let above = field.shafts.receiver_parent(node as u32) as usize;
+            // The node above stands for it.
+            if node == 0 || !self.whole[above] {
+                field.sums().add_to(node, &mut self.light);
+                area_m2 += field.sums().area_m2(node);
             }
         }
-    };
-    for s in marked() {
-        add(place(s) - mean, weight(s));
-        // A parallelogram about its middle has the scatter of its sides over 12; a triangle's is nearly that of its
-        // corners over 12.
-        let (corners, count) =
-            field.patches.outline_world(&field.patches.patches[field.sources[s].patch as usize]);
-        let [a, b, c, d] = corners.map(|c| c.as_dvec3());
-        if count == 4 {
-            add((b - a + c - d) * 0.5, weight(s) / 12.0);
-            add((d - a + c - b) * 0.5, weight(s) / 12.0);
-        } else {
-            [a, b, c].into_iter().for_each(|corner| add(corner - real(s), weight(s) / 12.0));
-        }
+        area_m2
     }
-    let Some((values, vectors)) = symmetric_eigen(&scatter) else {
-        return (middle.as_vec3(), [Vec3::ZERO; 2]);
-    };
-    // Even light over half a length h has the variance h^2 / 3.
-    let axis = |k: usize| (DVec3::from(vectors[k]) * (3.0 * values[k].max(0.0)).sqrt()).as_vec3();
-    (middle.as_vec3(), [axis(0), axis(1)])
+
+    /// Middle and half axes of the marked sources below a node, each as wide as its patch: by their directions from `eye`,
+    /// at their mean distance, for the middle of places on several walls would lie in the open before them.
+    fn spread(&self, field: &NearField, node: u32, eye: Vec3) -> (Vec3, [Vec3; 2]) {
+        let node = field.source_tree.nodes()[node as usize];
+        let (mut total, mut nearness, mut moment) = (0.0, 0.0, DVec3::ZERO);
+        let (mut second, mut own) = ([0.0; 6], [0.0; 6]);
+        for s in (node.begin as usize..node.end as usize).filter(|&s| self.light[s] > 0.0) {
+            let light = f64::from(self.light[s]);
+            let towards = self.towards[s].as_dvec3();
+            total += light;
+            nearness += light * f64::from(self.nearness[s]);
+            moment += towards * light;
+            let [x, y, z] = towards.to_array();
+            let squares = [x * x, x * y, x * z, y * y, y * z, z * z];
+            let scatter = &field.source_scatters_m2()[s];
+            for k in 0..6 {
+                second[k] += light * squares[k];
+                own[k] += light * f64::from(scatter[k]);
+            }
+        }
+        let (mean, nearness) = (moment / total, nearness / total);
+        let middle = (eye.as_dvec3() + mean.normalize_or(DVec3::Z) / nearness).as_vec3();
+        let [x, y, z] = mean.to_array();
+        let squares = [x * x, x * y, x * z, y * y, y * z, z * z];
+        let at = |k: usize| (second[k] / total - squares[k]) / (nearness * nearness) + own[k] / total;
+        let scatter = [[at(0), at(1), at(2)], [at(1), at(3), at(4)], [at(2), at(4), at(5)]];
+        let Some((values, vectors)) = symmetric_eigen(&scatter) else {
+            return (middle, [Vec3::ZERO; 2]);
+        };
+        // Even light over half a length h has the variance h^2 / 3.
+        let axis = |k: usize| (DVec3::from(vectors[k]) * (3.0 * values[k].max(0.0)).sqrt()).as_vec3();
+        (middle, [axis(0), axis(1)])
+    }
 }
 
 #[cfg(test)]

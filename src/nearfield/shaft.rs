@@ -52,27 +52,24 @@ impl Aabb {
 pub fn shaft_interval(source: &Aabb, receiver: &Aabb, object: &Aabb) -> Option<[f32; 2]> {
     let (mut first, mut last) = (0.0f32, 1.0f32);
     for axis in 0..3 {
-        // low(t) = s + t (r - s) must not exceed the object's high, high(t) must reach its low.
-        let below = bound(source.low[axis], receiver.low[axis], object.high[axis]);
-        let above = bound(-source.high[axis], -receiver.high[axis], -object.low[axis]);
-        first = first.max(below[0]).max(above[0]);
-        last = last.min(below[1]).min(above[1]);
+        // Two numbers that are linear in t and must not be negative, by their values at both ends: how far the object's
+        // high is above low(t), and high(t) above its low.
+        let below = [object.high[axis] - source.low[axis], object.high[axis] - receiver.low[axis]];
+        let above = [source.high[axis] - object.low[axis], receiver.high[axis] - object.low[axis]];
+        for [a, b] in [below, above] {
+            if a >= 0.0 && b >= 0.0 {
+                continue;
+            }
+            if a >= 0.0 {
+                last = last.min(a / (a - b));
+            } else if b >= 0.0 {
+                first = first.max(a / (a - b));
+            } else {
+                return None;
+            }
+        }
     }
     (first <= last).then_some([first, last])
-}
-
-/// Interval of t in which s + t (r - s) <= limit; one that is empty begins after it ends.
-fn bound(s: f32, r: f32, limit: f32) -> [f32; 2] {
-    let (slope, room) = (r - s, limit - s);
-    if slope > 0.0 {
-        [f32::NEG_INFINITY, room / slope]
-    } else if slope < 0.0 {
-        [room / slope, f32::INFINITY]
-    } else if room >= 0.0 {
-        [f32::NEG_INFINITY, f32::INFINITY]
-    } else {
-        [f32::INFINITY, f32::NEG_INFINITY]
-    }
 }
 
 #[cfg(test)]

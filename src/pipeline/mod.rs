@@ -8,6 +8,7 @@ pub mod gray_place;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;
+pub mod room_light;
 pub mod tracking;
 pub mod views;
 

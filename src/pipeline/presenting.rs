@@ -2,10 +2,12 @@
 
 use super::{
     Options,
+    room_light::RoomLight,
     views::{Subject, Views},
 };
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
+use crate::light::prefilter::Wanted;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -18,7 +20,7 @@ use crate::model::{
     scene::Scene,
     time::Timestamp,
 };
-use crate::nearfield::{faces::Faces, objects, prepare::KnownRoom};
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{
     FramePlan,
     effects::{self, Occasion},
@@ -40,7 +42,7 @@ pub struct Presenting {
     view: PictureView,
     views: Views,
     /// The room that the scene stands in, which the engine was given.
-    room: Option<(Arc<KnownRoom>, Faces)>,
+    room: Option<RoomLight>,
 }
 
 impl Presenting {
@@ -63,8 +65,7 @@ impl Presenting {
 
     /// The known room that the scene stands in.
     pub fn take_room(&mut self, room: Arc<KnownRoom>) {
-        let faces = Faces::of_room(&room.room);
-        self.room = Some((room, faces));
+        self.room = Some(RoomLight::new(room));
     }
 
     /// Whether the scene's light comes from a known room.
@@ -109,9 +110,14 @@ impl Presenting {
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
-        let in_room =
-            self.room.as_ref().map(|(room, faces)| objects::lights_at(room, faces, self.middle_of_objects()));
+        let middle = self.middle_of_objects();
+        let in_room = self.room.as_ref().map(|room| room.lights_at(middle));
         let light = in_room.as_ref().or(light).ok_or("light not measured yet")?;
+        let wanted = Wanted::by(&self.scene, light.global.order);
+        let environment = match &mut self.room {
+            Some(room) => room.picture_at(middle, wanted),
+            None => environment,
+        };
         let input = RelightInput {
             background,
             lens,

@@ -18,7 +18,7 @@ pub enum Priority {
 
 /// How much longer a node stays split than it would be split anew, so that two of nearly equal priority do not take
 /// turns from frame to frame.
-const HELD: f64 = 1.3;
+const HELD: f64 = 2.0;
 /// A node's centre moves when another leaf would be this much better.
 const CENTRE_HELD: f32 = 0.8;
 

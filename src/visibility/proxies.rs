@@ -150,6 +150,6 @@ mod tests {
         assert_eq!(proxies.objects().len(), 3);
         let mut many = vec![[0u32, 1, 2]; 20];
         many.push([2, 1, 0]);
-        Proxies::build(&positions, &many, [0..21].into_iter(), 4);
+        Proxies::build(&positions, &many, std::iter::once(0..21), 4);
     }
 }

@@ -16,7 +16,8 @@ use halflight::{
         field::NearField,
         marks::{Marks, View, bounds_world},
         representatives::{Representative, Representatives},
-        shaft::Aabb,
+        shaft::{Aabb, shaft_interval},
+        transfer::Statics,
     },
     sources::expand::Priority,
 };
@@ -125,17 +126,27 @@ impl Object {
         self.bvh.occluded(from, place - from, 0.0, 1.0)
     }
 
-    fn hidden_share(&self, at: &Seen, light: &Representative, side: u32) -> f32 {
+    /// Share of a light that the object hides from a point: of its one place, or of `side` times `side` places, each
+    /// weighed by what its part of the light sends: cos cos / r^4, of one area each.
+    pub fn hidden(&self, point: Vec3, normal: Vec3, light: &Representative, side: u32) -> f32 {
         if side == 1 {
-            return f32::from(self.hides(at.point, at.normal, light.centre_world));
+            return f32::from(self.hides(point, normal, light.centre_world));
         }
         let [long, short] = light.half_axes_world;
-        let hidden = (0..side * side).filter(|k| {
+        let (mut hidden, mut all, mut even) = (0.0, 0.0, 0.0);
+        for k in 0..side * side {
             let step = |i: u32| (2.0 * i as f32 + 1.0) / side as f32 - 1.0;
             let place = light.middle_world + long * step(k % side) + short * step(k / side);
-            self.hides(at.point, at.normal, place)
-        });
-        hidden.count() as f32 / (side * side) as f32
+            let to = place - point;
+            let (here, there) = (normal.dot(to).max(0.0), light.normal_world.dot(-to).max(0.0));
+            let weight = here * there / to.length_squared().powi(2).max(1e-12);
+            all += weight;
+            if self.hides(point, normal, place) {
+                hidden += weight;
+                even += 1.0;
+            }
+        }
+        if all > 0.0 { hidden / all } else { even / (side * side) as f32 }
     }
 }
 
@@ -178,7 +189,7 @@ impl Shadows {
                         if radiance.iter().all(|l| *l <= 0.0) {
                             continue;
                         }
-                        let hidden = object.hidden_share(at, light, side);
+                        let hidden = object.hidden(at.point, at.normal, light, side);
                         for c in 0..3 {
                             sum[c] += radiance[c] * at.reflectance[c] * hidden;
                         }
@@ -190,6 +201,90 @@ impl Shadows {
     }
 }
 
+/// What an object takes away at some pixels, luminance, by rays to all of each emitter: no lights chosen, nothing
+/// interpolated, and no noise to speak of.
+pub struct Traced {
+    pub pixels: Vec<(usize, f64)>,
+}
+
+impl Traced {
+    /// At every other pixel of every other row that shows the room, and neither an emitter nor the object; `side` times
+    /// `side` places on each emitter, shifted from place to place.
+    pub fn new(case: &Case, which: &str, room: &Room, view: &RoomView, object: &Object, side: u32) -> Self {
+        let statics = Statics::new(room);
+        let emitters: Vec<([Vec3; 3], Aabb, [f32; 3])> = room
+            .surfaces
+            .iter()
+            .filter(|s| s.emitted_rgb != [0.0; 3])
+            .map(|s| {
+                let c = &s.corners_world;
+                ([c[0], c[1] - c[0], c[3] - c[0]], Aabb::around(c.iter().copied()), s.emitted_rgb)
+            })
+            .collect();
+        let width = case.lens.width as usize;
+        let free = free_pixels(case, which);
+        let wanted = |i: &usize| free[*i] && (i % width) % 2 == 0 && (i / width) % 2 == 0;
+        let taken = |at: &Seen, seed: u32| -> [f32; 3] {
+            let mut sum = [0.0f32; 3];
+            let from = at.point + at.normal * 2e-4;
+            for ([origin, u, v], bounds, radiance) in &emitters {
+                if shaft_interval(bounds, &Aabb::around([from]), &object.bounds).is_none() {
+                    continue;
+                }
+                let area = u.cross(*v);
+                let mut share = 0.0;
+                for k in 0..side * side {
+                    let turn = |step: f32| (seed as f32 * step).fract();
+                    let [x, y] = [(k % side, turn(0.754_877_7)), (k / side, turn(0.569_840_3))]
+                        .map(|(cell, shift)| (cell as f32 + shift) / side as f32);
+                    let place = *origin + *u * x + *v * y;
+                    let to = place - from;
+                    let (here, there) = (at.normal.dot(to), -area.dot(to));
+                    if here > 0.0
+                        && there > 0.0
+                        && object.hides(at.point, at.normal, place)
+                        && !statics.hides(from, place)
+                    {
+                        share += here * there / to.length_squared().powi(2);
+                    }
+                }
+                let scale = share / (side * side) as f32 / std::f32::consts::PI;
+                for c in 0..3 {
+                    sum[c] += radiance[c] * at.reflectance[c] * scale;
+                }
+            }
+            sum
+        };
+        let pixels = (0..view.seen.len() / view.per_pixel)
+            .into_par_iter()
+            .filter(wanted)
+            .map(|i| {
+                let places = &view.seen[i * view.per_pixel..(i + 1) * view.per_pixel];
+                let mut sum = 0.0;
+                for (k, at) in places.iter().enumerate() {
+                    let seed = (i * view.per_pixel + k) as u32 & 0xffff;
+                    sum += at.as_ref().map_or(0.0, |at| f64::from(color::luminance(taken(at, seed))));
+                }
+                (i, sum / view.per_pixel as f64)
+            })
+            .collect();
+        Self { pixels }
+    }
+
+    /// How far off it is from `diff_X` of the case: the reference's noise, if both are right.
+    pub fn against_reference(&self, case: &Case, which: &str) -> Off {
+        let reference: RadianceImage =
+            pictures::load_raw(&case.image(&format!("diff_{which}")).unwrap().file).unwrap();
+        let luminance = |i: usize| f64::from(color::luminance(reference.pixels()[i]));
+        Off::of(self.pixels.iter().map(|&(i, own)| (own, luminance(i))).collect())
+    }
+
+    /// How far off a picture is from it.
+    pub fn compare(&self, got: &[[f32; 3]]) -> Off {
+        Off::of(self.pixels.iter().map(|&(i, truth)| (f64::from(color::luminance(got[i])), truth)).collect())
+    }
+}
+
 /// How far off a difference is.
 #[derive(Clone, Copy, Debug)]
 pub struct Off {
@@ -198,24 +293,41 @@ pub struct Off {
     pub rmse: f64,
     /// Sum over the picture against the truth's.
     pub energy: f64,
+    /// Pixels that counted.
+    pub pixels: usize,
+}
+
+impl Off {
+    fn of(pixels: Vec<(f64, f64)>) -> Self {
+        let largest = pixels.iter().map(|p| p.1).fold(0.0, f64::max);
+        let (mut error, mut square, mut count) = (0.0, 0.0, 0);
+        for (got, truth) in pixels.iter().filter(|p| p.0.max(p.1) > 0.01 * largest) {
+            error += (got - truth) * (got - truth);
+            square += truth * truth;
+            count += 1;
+        }
+        let sums = pixels.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
+        Self { rmse: (error / square).sqrt(), energy: sums.0 / sums.1, pixels: count }
+    }
+}
+
+/// Pixels that show neither an emitter nor the object.
+fn free_pixels(case: &Case, which: &str) -> Vec<bool> {
+    let mask = pictures::load_gray8(&case.image(&format!("mask_{which}")).unwrap().file).unwrap();
+    let emitters = pictures::load_gray8(&case.image("mask_emitters").unwrap().file).unwrap();
+    mask.pixels().iter().zip(emitters.pixels()).map(|(mask, emitter)| *mask == 0 && *emitter == 0).collect()
 }
 
 /// Compares with `diff_X` of the case where `mask_X` is 0 and no emitter is seen.
 pub fn compare(case: &Case, which: &str, got: &[[f32; 3]]) -> Off {
     let truth: RadianceImage =
         pictures::load_raw(&case.image(&format!("diff_{which}")).unwrap().file).unwrap();
-    let mask = pictures::load_gray8(&case.image(&format!("mask_{which}")).unwrap().file).unwrap();
-    let emitters = pictures::load_gray8(&case.image("mask_emitters").unwrap().file).unwrap();
-    let valid = |i: &usize| mask.pixels()[*i] == 0 && emitters.pixels()[*i] == 0;
+    let free = free_pixels(case, which);
     let truth = |i: usize| f64::from(color::luminance(truth.pixels()[i]));
-    let pixels: Vec<(f64, f64)> =
-        (0..got.len()).filter(valid).map(|i| (f64::from(color::luminance(got[i])), truth(i))).collect();
-    let largest = pixels.iter().map(|p| p.1).fold(0.0, f64::max);
-    let (mut error, mut square) = (0.0, 0.0);
-    for (got, truth) in pixels.iter().filter(|p| p.0.max(p.1) > 0.01 * largest) {
-        error += (got - truth) * (got - truth);
-        square += truth * truth;
-    }
-    let sums = pixels.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
-    Off { rmse: (error / square).sqrt(), energy: sums.0 / sums.1 }
+    Off::of(
+        (0..got.len())
+            .filter(|i| free[*i])
+            .map(|i| (f64::from(color::luminance(got[i])), truth(i)))
+            .collect(),
+    )
 }

@@ -51,18 +51,20 @@ fn shafts_neglect_no_more_than_their_budget() {
         let mut kept = vec![[0.0f32; 3]; field.patches.vertices.len()];
         // For each vertex the light of all sources that some leaf shaft links to one of its patches.
         let mut seen = std::collections::HashSet::new();
-        for (index, shaft) in field.shafts.shafts().iter().enumerate() {
-            let node = &field.octree.nodes()[usize::from(shaft.receiver)];
-            let source = field.source_tree.nodes()[usize::from(shaft.source)];
-            if !field.shafts.children(index).is_empty() {
-                continue;
-            }
+        let leaf_shafts = (0..field.source_tree.nodes().len() as u32)
+            .flat_map(|s| (0..field.octree.nodes().len() as u32).map(move |r| (s, r)))
+            .filter(|&(s, r)| field.shafts.has(s, r) && field.shafts.divides_source(s, r).is_none());
+        let mut leaves = 0;
+        for (source, receiver) in leaf_shafts {
+            leaves += 1;
+            let node = &field.octree.nodes()[receiver as usize];
+            let source = field.source_tree.nodes()[source as usize];
             assert!(node.is_leaf() && source.is_leaf());
             for &item in field.octree.items(node) {
                 for &v in field.patches.patches[field.receivers[item as usize] as usize].corners() {
                     if seen.insert((source.begin, v)) {
                         let light = field.sources[source.begin as usize];
-                        let t = field.transfers()[source.begin as usize].at(v as usize);
+                        let t = field.transfers().at(source.begin as usize, v as usize);
                         kept[v as usize].iter_mut().zip(light.radiance_rgb).for_each(|(s, c)| *s += c * t);
                     }
                 }
@@ -77,8 +79,25 @@ fn shafts_neglect_no_more_than_their_budget() {
         let report = field.report();
         assert!(report.neglected_worst <= neglected + 1e-5);
         assert!(neglected == 0.0 || report.neglected_worst > 0.5 * neglected, "{report:?}");
-        assert!(report.shaft_bytes == 8 * report.shafts && report.leaf_shafts > 0);
+        assert!(leaves == report.leaf_shafts && leaves > 0 && report.shafts > leaves);
     }
+}
+
+#[test]
+fn two_thousand_shining_patches_keep_within_their_memory() {
+    let mut room = fixture::room();
+    room.surfaces[0] = fixture::walls(0.05);
+    room.surfaces[1].emitted_rgb = [0.02; 3];
+    let how = Preparation { power_share: 1.0, ..Preparation::default() };
+    let report = *fixture::field(&room, 2000, &how).report();
+    assert!(report.patches == 2000 && report.sources == 2000, "{report:?}");
+    let (sources, vertices) = (report.sources, report.vertices);
+    // Nearly every patch sends something to half of the vertices: two bytes each, and two for each node of the octree.
+    assert!(report.transfer_bytes > sources * vertices / 2 && report.transfer_bytes < 3 * sources * vertices);
+    // 16 MiB are allowed. A bit for every pair of nodes, and not a shaft of eight bytes each.
+    assert!(report.bytes < 11 << 20, "{report:?}");
+    assert!(report.shaft_bytes < report.leaf_shafts, "{report:?}");
+    assert!(report.bytes > report.transfer_bytes + report.shaft_bytes);
 }
 
 #[test]

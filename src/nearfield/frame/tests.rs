@@ -31,7 +31,7 @@ fn every_light_that_loses_something_on_a_triangle_is_listed() {
     let (lens, pose) = camera();
     for middle in [Vec3::new(0.1, 0.0, 0.1), Vec3::new(0.2, -0.1, 0.5), Vec3::new(-0.9, -0.2, -0.6)] {
         let (positions, faces) = cuboid(middle);
-        let proxies = Proxies::build(&positions, &faces, [0..faces.len()].into_iter(), 500);
+        let proxies = Proxies::build(&positions, &faces, std::iter::once(0..faces.len()), 500);
         let mut frame = NearFrame::default();
         frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
         assert!(!frame.lights().is_empty() && frame.lights().len() <= 12);
@@ -92,7 +92,7 @@ fn without_objects_there_is_nothing_to_draw() {
     assert!(frame.lights().is_empty() && frame.listed(0).is_empty() && frame.listed(99).is_empty());
     // Objects of which nothing is finite hide nothing.
     let positions = [Vec3::NAN; 3];
-    let proxies = Proxies::build(&positions, &[[0, 1, 2]], [0..1].into_iter(), 500);
+    let proxies = Proxies::build(&positions, &[[0, 1, 2]], std::iter::once(0..1), 500);
     frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
     frame.draw(&proxies);
     assert!(frame.maps().cameras().iter().all(Option::is_none));

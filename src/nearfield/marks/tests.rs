@@ -29,8 +29,8 @@ proptest! {
         let mut marks = Marks::default();
         marks.mark(field, &[object], None);
         for (i, source) in field.sources.iter().enumerate() {
-            for (first, values) in field.transfers()[i].runs() {
-                for (v, _) in values.iter().enumerate().filter(|(_, t)| **t > 0.0) {
+            for (first, codes) in field.transfers().blocks(i) {
+                for (v, _) in codes.iter().enumerate().filter(|(_, t)| **t > 0) {
                     let vertex = first + v;
                     if segment_meets(source.centre_world, field.patches.vertices[vertex].position_world, &object) {
                         prop_assert!(marks.has_source(i) && marks.has_vertex(vertex), "{} {}", i, vertex);
@@ -71,12 +71,12 @@ fn a_small_object_marks_little_and_a_hundred_are_fine() {
     let object = boxed(Vec3::new(-1.9, 1.4, -0.7), Vec3::splat(0.04));
     marks.mark(field, &[object], None);
     assert!(marks.vertices().len() * 3 < field.patches.vertices.len(), "{}", marks.vertices().len());
-    assert!(marks.tested() * 2 < field.shafts.shafts().len(), "{}", marks.tested());
+    assert!(marks.tested() * 2 < field.shafts.len(), "{}", marks.tested());
     let hundred: Vec<Aabb> =
         (0..100).map(|i| boxed(Vec3::new(-1.9, 1.4, -0.7 + 0.02 * i as f32), Vec3::splat(0.04))).collect();
     marks.mark(field, &hundred, None);
     let tested = marks.tested();
-    assert!(tested < 100 * field.shafts.shafts().len() / 4, "{tested}");
+    assert!(tested < 100 * field.shafts.len() / 4, "{tested}");
     assert!(!marks.sources().is_empty());
 }
 
@@ -97,8 +97,8 @@ fn objects_that_are_nowhere_or_everywhere() {
     marks.mark(field, &[lamp], None);
     for (i, source) in field.sources.iter().enumerate().filter(|(_, s)| s.luminance > 1.0) {
         assert!(marks.has_source(i), "{source:?}");
-        for (first, values) in field.transfers()[i].runs() {
-            assert!(values.iter().enumerate().all(|(v, t)| *t == 0.0 || marks.has_vertex(first + v)));
+        for (first, codes) in field.transfers().blocks(i) {
+            assert!(codes.iter().enumerate().all(|(v, t)| *t == 0 || marks.has_vertex(first + v)));
         }
     }
 }

@@ -1,35 +1,5 @@
 use super::*;
 use crate::nearfield::fixture;
-use proptest::prelude::*;
-
-proptest! {
-    #[test]
-    fn rows_give_back_what_they_were_made_of(dense in prop::collection::vec(prop_oneof![Just(0.0f32), 0.01f32..1.0], 0..80)) {
-        let row = TransferRow::from_dense(&dense);
-        for (i, value) in dense.iter().enumerate() {
-            prop_assert_eq!(row.at(i), *value);
-        }
-        prop_assert_eq!(row.at(dense.len() + 3), 0.0);
-        let weights: Vec<f32> = (0..dense.len()).map(|i| 0.1 + i as f32).collect();
-        let exact: f64 = dense.iter().zip(&weights).map(|(d, w)| f64::from(*d) * f64::from(*w)).sum();
-        prop_assert!((f64::from(row.dot(&weights)) - exact).abs() <= 1e-5 * exact);
-        let mut sum = vec![[1.0; 3]; dense.len()];
-        row.add_to([1.0, 2.0, 0.0], &mut sum);
-        for (got, value) in sum.iter().zip(&dense) {
-            prop_assert_eq!(*got, [1.0 + value, 1.0 + 2.0 * value, 1.0]);
-        }
-    }
-}
-
-#[test]
-fn gaps_of_zeros_are_not_stored() {
-    let mut dense = vec![0.0; 1000];
-    dense[10..20].fill(0.5);
-    dense[500] = 0.25;
-    let row = TransferRow::from_dense(&dense);
-    assert_eq!((row.runs().count(), row.bytes()), (2, 2 * 8 + 11 * 4));
-    assert_eq!(TransferRow::from_dense(&[0.0; 50]).bytes(), 0);
-}
 
 #[test]
 fn half_behind_the_table_is_half_visible() {
