@@ -10,10 +10,6 @@ use glam::Vec3;
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
 pub const TINY_LIGHT: f32 = 1e-12;
 
-/// Neighbours that are looked at together: fewer would leave lanes of wide instructions empty, of more too many would lie
-/// beside the shadow.
-const GROUP: usize = 8;
-
 /// Everything that the pixels of one frame share.
 #[derive(Clone, Copy)]
 pub struct SubtractFrame<'a> {
@@ -75,15 +71,9 @@ pub fn at_points<const N: usize>(
         if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
             continue;
         }
-        let mut visible = [1.0f32; N];
-        widest(
+        let visible = widest(
             #[inline(always)]
-            || {
-                for first in (0..count).step_by(GROUP) {
-                    let group = reads.visibility(map, camera, &group(points, first), normal);
-                    visible.iter_mut().skip(first).zip(group).for_each(|(slot, v)| *slot = v);
-                }
-            },
+            || reads.visibility(map, camera, points, normal),
         );
         if visible[..count].iter().all(|v| *v >= 1.0) {
             continue;
@@ -110,17 +100,6 @@ pub fn at_points<const N: usize>(
             })
         };
     }
-}
-
-/// Points of a run from one on; the last one stands in for those that are missing.
-#[inline(always)]
-fn group<const N: usize>(points: &[[f32; N]; 3], first: usize) -> [[f32; GROUP]; 3] {
-    points.each_ref().map(|axis| {
-        let mut group = [axis[N - 1]; GROUP];
-        let rest = &axis[first..N.min(first + GROUP)];
-        group[..rest.len()].copy_from_slice(rest);
-        group
-    })
 }
 
 fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {

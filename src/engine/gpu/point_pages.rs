@@ -120,3 +120,21 @@ impl PointPages {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_fill_pages_row_by_row() {
+        let mut pages = PointPages { tiles: 3, texels: 64, ..PointPages::new() };
+        assert_eq!(pages.maps_a_page(), 9);
+        assert_eq!(
+            [0, 1, 4, 8].map(|k| pages.place(k)),
+            [(0, 0), (0, 64), (0, 64 * 192 + 64), (0, 128 * 192 + 128)]
+        );
+        assert_eq!([9, 17, 18].map(|k| pages.place(k)), [(1, 0), (1, 128 * 192 + 128), (2, 0)]);
+        pages.tiles = 1;
+        assert_eq!([0, 5].map(|k| pages.place(k)), [(0, 0), (5, 0)]);
+    }
+}
