@@ -19,7 +19,7 @@ use crate::{
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Lights of a frame at most: the indices in the lists are bytes' pairs, and pictures gain nothing from more.
+/// Lights of a frame at most: 256 cameras fill the uniform block of 16 KiB that every device has.
 pub const MOST_LIGHTS: usize = 256;
 /// The maps look no wider off their axis than this tangent.
 const WIDEST: f32 = 5.7;
