@@ -15,7 +15,7 @@ endef
 .PHONY: help demo demo-real figures test bench lint tools-build tools-gpu tools-film release clean-out
 
 help:
-	@echo "make demo       build, replay the bundled recording, leave pictures and a report in out/"
+	@echo "make demo       build, replay the bundled recordings, leave pictures and reports in out/ and out/room/"
 	@echo "make demo-real  the same on real photographs (needs the shared test data)"
 	@echo "make figures    the light in its halves, every part of a picture, the accuracy ladder, as sheets in out/figures"
 	@echo "make test       everything that needs no GPU hardware"
@@ -36,6 +36,7 @@ release: tools-build
 
 demo: release tools-film
 	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out
+	$(HALFLIGHT) replay tests/recordings/room.mcap --scene tests/scenes/room.toml --config tests/scenes/room-settings.toml --out out/room
 
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures

@@ -80,6 +80,7 @@ fn scene() -> Scene {
         surfaces: vec![ground()],
         figures: Vec::new(),
         transfer: None,
+        room: None,
     }
 }
 

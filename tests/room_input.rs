@@ -194,8 +194,8 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
         make_ready(&source, None, &|_| ()).map(|r| r.known.report.probe.unwrap()).map_err(|e| e.to_string())
     };
     let report = ready(0.3, MapLayout::Equirect).unwrap();
-    // But for what the lamp hides of the ceiling everything was seen.
-    assert!(report.fronts > 0.999 && report.seen_patches > 50 * report.filled_patches, "{report:?}");
+    // But for what the lamp hides of the ceiling everything was seen; patches are many and small there.
+    assert!(report.fronts > 0.999 && report.seen_patches > 10 * report.filled_patches, "{report:?}");
     let error = ready(-0.8, MapLayout::Equirect).unwrap_err();
     assert!(error.contains("room.glb") && error.contains("must be inside of the room"), "{error}");
     let error = ready(0.3, MapLayout::Cube).unwrap_err();
@@ -268,11 +268,11 @@ fn the_sun_behind_a_window_shines_in() {
     }
 }
 
-/// Measured: differences of measured albedos from the case's, over these: 0.0127 in the mean and 0.337 at worst, 0.0118 and
-/// 0.197. A tenth more, for neither noise nor platform plays a part. The worst ones are patches that a shadow's edge crosses
+/// Measured: differences of measured albedos from the case's, over these: 0.0094 in the mean and 0.096 at worst, 0.0123 and
+/// 0.204. A tenth more, for neither noise nor platform plays a part. The worst ones are patches that a shadow's edge crosses
 /// between corners of like light.
 const F3: [(&str, f32, f32); 2] =
-    [("f3_ceiling_light", 0.014, 0.37), ("f3_window_ceiling_patch", 0.013, 0.22)];
+    [("f3_ceiling_light", 0.0104, 0.106), ("f3_window_ceiling_patch", 0.0136, 0.225)];
 
 #[test]
 fn albedos_of_a_rendered_room_are_read_off_its_picture() {

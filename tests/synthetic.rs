@@ -68,7 +68,7 @@ fn the_tag_appears_where_the_truth_puts_it() {
 fn tag_ball_and_free_place_are_in_view_all_the_time() {
     // Long enough for the slow drift to reach its ends, for several seeds, in the picture's full frame.
     for seed in 1..6 {
-        let trajectory = synthetic::motion::Trajectory::new(seed, 1.0);
+        let trajectory = synthetic::motion::Trajectory::new(seed, 1.0, synthetic::Subject::Desk);
         let lens = Lens::pinhole(640, 480, 652.8, 652.8, 320.0, 240.0);
         for k in 0..600 {
             let pose = trajectory.world_from_camera(1.0 + f64::from(k) * 0.1);

@@ -34,10 +34,11 @@ const LAYERS: [(&str, u8); 19] = [
 ];
 
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 7] = [
+const DRAWN: [(&str, &str); 8] = [
     ("compose", "visibility"),
     ("light", "sources"),
     ("nearfield", "sources"),
+    ("nearfield", "visibility"),
     ("nearfield", "light"),
     ("cli", "daemon"),
     ("cli", "config"),

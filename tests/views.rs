@@ -61,6 +61,7 @@ impl Place {
                 [(Vec3::ZERO, 1.0)].into_iter(),
             )],
             transfer: None,
+            room: None,
         };
         let mut global = RadianceSh::zero(4);
         global.rgb[0] = [1.2, 1.3, 1.6];

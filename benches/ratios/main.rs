@@ -8,15 +8,17 @@ mod naive;
 mod nearfield;
 mod opencv;
 mod project_sh;
+mod room;
 
 fn main() {
-    let all: [(&str, fn()); 7] = [
+    let all: [(&str, fn()); 8] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
         ("growth", growth::run),
         ("naive", naive::run),
         ("nearfield", nearfield::run),
+        ("room", room::run),
         ("frame", frame::run),
     ];
     // Cargo itself adds `--bench`.

@@ -35,7 +35,7 @@ fn cuboid(name: &str, low: Vec3, high: Vec3, inwards: bool) -> RoomSurface {
 }
 
 /// 4 x 3 x 2.5 m with a table on four legs; a window, and light from all walls.
-fn room() -> Room {
+pub fn room() -> Room {
     let mut surfaces = vec![
         cuboid("walls", Vec3::new(-2.0, -1.5, -0.75), Vec3::new(2.0, 1.5, 1.75), true),
         cuboid("table", Vec3::new(-0.6, -0.4, -0.04), Vec3::new(0.6, 0.4, 0.0), false),
@@ -48,7 +48,7 @@ fn room() -> Room {
 }
 
 /// A window of 1.2 x 1.1 m in one wall, a ceiling that it lights, walls and floor that reflect the rest.
-fn radiance(at: &halflight::nearfield::patches::SurfacePoint) -> Option<[f32; 3]> {
+pub fn radiance(at: &halflight::nearfield::patches::SurfacePoint) -> Option<[f32; 3]> {
     let p = at.point_world;
     let window = p.x < -1.99 && (-0.7..0.5).contains(&p.y) && (0.15..1.25).contains(&p.z);
     let level = if window { 8.0 } else { 0.3 / (1.0 + 0.4 * (p.x + 2.0).powi(2)) };

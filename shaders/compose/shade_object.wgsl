@@ -4,7 +4,7 @@
 
 struct MaterialTerms {
     albedo_rgb: vec4<f32>,
-    // Reflectance of the lobe or mirror, and the exponent (-1: a mirror).
+    // Reflectance of the lobe or mirror, and the lobe's exponent.
     specular_exponent: vec4<f32>,
     // sqrt(4 pi / (2 l + 1)) z_l of the lobe, bands 0 to 3 and 4 to 5; z of the second: the body.
     lobe_low: vec4<f32>,
@@ -21,7 +21,17 @@ struct MaterialTerms {
 
 const FRAC_1_PI = 0.318309886;
 const TAU = 6.28318531;
-const MIRROR_EXPONENT = -1.0;
+
+// What a material is, so that a pipeline has nothing of the others: software devices run every branch.
+override MATERIAL: u32 = 0u;
+const MATT = 0u;
+// A lobe by SH, and one that SH is too smooth for.
+const GLOSSY = 1u;
+const SHARP = 2u;
+const MIRROR = 3u;
+// There is no picture of the environment: SH stands in.
+const BLURRED_MIRROR = 4u;
+
 // Cosine between normals that count as near: 2.6 degrees.
 const NEAR_ENOUGH = 0.999;
 // Far beyond white, and still a 16-bit float.
@@ -32,7 +42,7 @@ const CONTACT_SHARE = 1e-4;
 // Two pixels' worth of attributes: at the pixel's centre, which the triangle may not cover, and inside of what it
 // covers (wherever the device likes that to be).
 struct Seen {
-    @builtin(position) clip: vec4<f32>,
+    @builtin(position) @invariant clip: vec4<f32>,
     @location(0) from_eye: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) tint_openness: vec4<f32>,
@@ -114,14 +124,14 @@ fn shade(
     let specular = material.specular_exponent.xyz;
     let exponent = material.specular_exponent.w;
     let r = 2.0 * dot(n, to_eye) * n - to_eye;
-    if exponent == MIRROR_EXPONENT {
-        if (surroundings.counts.w & HAS_PICTURE) != 0u {
-            return specular * reflected(point_world, r, material.lobe_high.z);
-        }
+    if MATERIAL == MIRROR {
+        return specular * reflected(point_world, r, material.lobe_high.z);
+    }
+    if MATERIAL == BLURRED_MIRROR {
         return specular * lobe_sum(TOTAL, material.lobe_low, material.lobe_high.xy, r);
     }
-    let is_glossy = any(specular != vec3<f32>(0.0));
-    let sharp = is_sharp(exponent);
+    let is_glossy = MATERIAL != MATT;
+    let sharp = MATERIAL == SHARP;
     let shines = !sharp || (surroundings.counts.w & HOLDS_HARD_LIGHTS) == 0u;
     var matt = vec3<f32>(0.0);
     var shine = vec3<f32>(0.0);
@@ -154,19 +164,25 @@ fn shade(
             glossy = lobe_sum(GLOBAL, material.lobe_low, material.lobe_high.xy, r);
         }
         // The terms have the energy-safe norm in both halves.
-        let scale = select(1.0, (exponent + 2.0) / (exponent + 1.0), surroundings.settings.y == 1.0);
+        let scale = select(1.0, (exponent + 2.0) / (exponent + 1.0), surroundings.settings.x == 1.0);
         out += specular * scale * (shine + gloss_left * glossy);
     }
     return out;
 }
 
-// Real surfaces: depth only.
+// Depth only, of objects first: what lies behind others is not shaded.
+@vertex
+fn depth_vertex(@location(0) position: vec3<f32>) -> @invariant @builtin(position) vec4<f32> {
+    return clip_position(view, position, 1.0);
+}
+
+// And of real surfaces.
 @vertex
 fn surface_vertex(@location(0) position: vec4<f32>) -> @builtin(position) vec4<f32> {
     return clip_position(view, position.xyz, 1.0 - CONTACT_SHARE);
 }
 
 @fragment
-fn surface_fragment() -> @location(0) vec4<f32> {
+fn depth_fragment() -> @location(0) vec4<f32> {
     return vec4<f32>(0.0);
 }

@@ -20,6 +20,9 @@ struct LightTerms {
     hard: array<HardLight, 64>,
 }
 
+// Whether the light has bands 4 and 5.
+override HIGH_BANDS: bool = true;
+
 const SOFT = 0u;
 const GLOBAL = 1u;
 const TOTAL = 2u;
@@ -48,7 +51,7 @@ fn lobe_sum(rows: u32, low: vec4<f32>, high: vec2<f32>, direction: vec3<f32>) ->
         + y[13] * light_row(rows, 13u) + y[14] * light_row(rows, 14u)
         + y[15] * light_row(rows, 15u);
     var sum = low.x * band0 + low.y * band1 + low.z * band2 + low.w * band3;
-    if light.order_hard.x > 4u {
+    if HIGH_BANDS {
         let h = sh_high(direction);
         let band4 = h[0] * light_row(rows, 16u) + h[1] * light_row(rows, 17u)
             + h[2] * light_row(rows, 18u) + h[3] * light_row(rows, 19u)

@@ -19,9 +19,9 @@ struct SeenTriangle {
 }
 
 struct Surroundings {
-    // Spheres, triangles, prefiltered levels, and flags: 1 there is a picture, 2 its levels hold the hard lights.
+    // Spheres, triangles, prefiltered levels, and flags: 2 the levels hold the hard lights.
     counts: vec4<u32>,
-    // Exponent above which lobes are read from the levels; 1 for the paper's Phong norm.
+    // 1 for the paper's Phong norm, 0, 0, 0.
     settings: vec4<f32>,
     // First row and texels a side of the picture (0) and of the levels (1 ..).
     levels: array<vec4<u32>, 12>,
@@ -29,7 +29,6 @@ struct Surroundings {
     triangles: array<SeenTriangle, 64>,
 }
 
-const HAS_PICTURE = 1u;
 const HOLDS_HARD_LIGHTS = 2u;
 const FIRST_EXPONENT = 8.0;
 const START_M = 1e-4;
@@ -88,11 +87,6 @@ fn gloss(exponent: f32, direction: vec3<f32>) -> vec3<f32> {
     let below = seen_at(1u + u32(low), direction);
     let above = seen_at(1u + min(u32(low) + 1u, last), direction);
     return below + (at - low) * (above - below);
-}
-
-// Whether a lobe is read from the levels.
-fn is_sharp(exponent: f32) -> bool {
-    return surroundings.counts.z > 0u && exponent > surroundings.settings.x;
 }
 
 // Cosine-weighted share of the hemisphere that the spheres leave open, each as if alone.

@@ -2,7 +2,7 @@
 
 use super::{
     error::AssetError,
-    pictures,
+    mapped_probe, pictures,
     room::{LoadedRoom, load_room},
     scene::{RoomLightSource, RoomSource},
 };
@@ -11,10 +11,15 @@ use crate::{
     model::light::EnvironmentMap,
     nearfield::{
         error::RoomError,
-        prepare::{CameraPicture, KnownRoom, RoomLight, prepare},
+        prepare::{CameraPicture, KnownRoom, RoomLight, prepare, subdivision},
+        probe::Probe,
         soundness::Soundness,
     },
 };
+use std::path::Path;
+
+/// Share of the progress that mapping a probe takes.
+const PROBE_SHARE: f32 = 0.5;
 
 /// A room made ready, and what is wrong with its file.
 pub struct ReadyRoom {
@@ -36,27 +41,48 @@ pub fn make_ready(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<ReadyRoom, AssetError> {
+    make_ready_with(source, camera, None, progress)
+}
+
+/// `make_ready`, with a folder in which a probe that was mapped onto its room is kept from run to run under a hash of both
+/// (`mapped_probe`).
+///
+/// # Errors
+/// As `make_ready`.
+pub fn make_ready_with(
+    source: &RoomSource,
+    camera: Option<&CameraPicture<'_>>,
+    cache: Option<&Path>,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<ReadyRoom, AssetError> {
     let LoadedRoom { room, soundness, mut notes } = load_room(&source.file)?;
-    let map;
-    let light = match &source.light {
-        RoomLightSource::Given => RoomLight::Given,
-        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } => {
-            map = EnvironmentMap { layout: *layout, radiance: pictures::load_radiance(file)?.hdr.radiance };
-            RoomLight::Probe {
-                map: &map,
-                world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
-                position_world: *position_world,
-                factor_sun: *factor_sun,
-            }
-        }
-    };
-    let known = prepare(room, &source.settings, light, camera, progress).map_err(|error| {
+    let refused = |error: RoomError| {
         let file = match (&error, &source.light) {
             (RoomError::ProbePicture { .. }, RoomLightSource::Probe { file, .. }) => file,
             _ => &source.file,
         };
         AssetError::new(file, "known room").cause(error)
-    })?;
+    };
+    let mapped;
+    let (light, share) = match &source.light {
+        RoomLightSource::Given => (RoomLight::Given, 0.0),
+        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } => {
+            let map =
+                EnvironmentMap { layout: *layout, radiance: pictures::load_radiance(file)?.hdr.radiance };
+            let probe = Probe {
+                map: &map,
+                world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
+                position_world: *position_world,
+                factor_sun: *factor_sun,
+            };
+            let how = subdivision(&room, &source.settings).map_err(refused)?;
+            let begun = |share: f32| progress(PROBE_SHARE * share);
+            mapped = mapped_probe::of_room(&room, &how, &probe, cache, &begun).map_err(refused)?;
+            (RoomLight::Mapped(&mapped), PROBE_SHARE)
+        }
+    };
+    let rest = |done: f32| progress(share + (1.0 - share) * done);
+    let known = prepare(room, &source.settings, light, camera, &rest).map_err(refused)?;
     if let Some(probe) = &known.report.probe
         && probe.backs + probe.nothing > 0.02
     {

@@ -6,6 +6,7 @@ pub mod dds;
 pub mod error;
 pub mod gltf;
 pub mod known_room;
+pub mod mapped_probe;
 pub mod normals;
 pub mod obj;
 pub mod pictures;

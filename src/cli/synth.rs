@@ -2,11 +2,16 @@
 
 use super::record::Coding;
 use super::{CliError, Common, record};
+use crate::assets::{gltf::write_room::encode_room, pictures};
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{RecordingWriter, Setup};
 use crate::device::synthetic::{self, options};
 use crate::device::{FrameSource, ImuSource};
+use glam::DVec3;
 use std::path::PathBuf;
+
+/// Rows of a probe's picture.
+const PROBE_ROWS: usize = 256;
 
 /// Arguments of `halflight synth`.
 ///
@@ -41,9 +46,30 @@ pub struct Arguments {
     /// Strength of the camera's movement: 0 for a tripod, 1 as held by hand.
     #[arg(long, default_value_t = 1.0)]
     motion: f64,
+    /// What the camera looks at: `desk` (the table's top), or `room` (the table, and the floor before and under it, with a
+    /// larger tag on a board that stands on the table).
+    #[arg(long, default_value = "desk", value_name = "desk|room")]
+    view: String,
+    /// Also writes the room's rough geometry (glTF): walls, furniture, window and lamp, for `[room]` of a scene.
+    #[arg(long, value_name = "FILE.glb")]
+    geometry: Option<PathBuf>,
+    /// Also writes what a probe in the room sees (equirectangular, Radiance HDR), for `[room]` of a scene.
+    #[arg(long, value_name = "FILE.hdr")]
+    probe: Option<PathBuf>,
+    /// Where the probe is: x,y,z in metres, world frame.
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,-0.6,0.1", allow_hyphen_values = true, value_parser = point)]
+    probe_position: DVec3,
     /// How pictures are stored (default: --jpeg 93).
     #[command(flatten)]
     coding: Coding,
+}
+
+fn point(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if [x, y, z].iter().all(|v| v.abs() <= 100.0) => Ok(DVec3::new(x, y, z)),
+        _ => Err("must be three numbers within -100 to 100, divided by commas".into()),
+    }
 }
 
 /// Runs `halflight synth`.
@@ -51,8 +77,8 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let a = &arguments;
     let exposures = a.exposures.replace(',', ":");
     let name = format!(
-        "frames={},size={},exposures={exposures},fps={},seed={},noise={},motion={}",
-        a.frames, a.size, a.fps, a.seed, a.noise, a.motion
+        "frames={},size={},exposures={exposures},fps={},seed={},noise={},motion={},view={}",
+        a.frames, a.size, a.fps, a.seed, a.noise, a.motion, a.view
     );
     let options = options::Options::parse(&name).map_err(|e| CliError::on("synth", e))?;
     let coding = a.coding.chosen()?;
@@ -61,6 +87,15 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
     let (frames, imu) = synthetic::open(&options);
+    if let Some(file) = &a.geometry {
+        let room = synthetic::rough_room(options.view);
+        let note = serde_json::json!({"made_by": "halflight synth", "view": a.view});
+        std::fs::write(file, encode_room(&room, note)).map_err(|e| CliError::on(file.display(), e))?;
+    }
+    if let Some(file) = &a.probe {
+        let map = frames.probe(a.probe_position, PROBE_ROWS);
+        pictures::save_hdr(file, &map.radiance).map_err(|e| CliError(e.to_string()))?;
+    }
     let setup = Setup { rig: frames.rig(), response: frames.response(), imu_truth: imu.imu_truth() };
     let writer =
         RecordingWriter::create(&a.out, coding, setup).map_err(|e| CliError::on(a.out.display(), e))?;

@@ -2,7 +2,10 @@
 //! one for all real surfaces, and what each material needs.
 
 use crate::math::sh::{MAX_ORDER, zonal};
-use crate::model::scene::{Material, Mesh, RealSurface, Scene};
+use crate::model::{
+    room::RoomPatches,
+    scene::{Material, Mesh, RealSurface, Scene},
+};
 use crate::visibility::shadow_maps::{Body, Receivers};
 use glam::{Mat3, Vec3};
 use std::ops::Range;
@@ -225,6 +228,29 @@ impl SurfaceGeometry {
     /// Hands those over that virtual shadows fall on.
     pub fn receivers(&self, out: &mut Receivers) {
         out.load(&self.positions, &self.triangles, &self.receives);
+    }
+}
+
+impl SurfaceGeometry {
+    /// Adds the patches of a known room, which receive shadows, after what there is: vertex `i` of the room becomes the
+    /// `i`-th of those added. Gives the number of its first triangle; its triangles are those of [`Patch::triangles`] in
+    /// order.
+    ///
+    /// [`Patch::triangles`]: crate::model::room::Patch::triangles
+    pub fn add_room(&mut self, patches: &RoomPatches) -> usize {
+        let base = self.positions.len() as u32;
+        let first = self.triangles.len();
+        self.positions.extend(patches.vertices.iter().map(|v| v.position_world));
+        self.normals.extend(patches.vertices.iter().map(|v| v.normal_world));
+        for patch in &patches.patches {
+            for triangle in patch.triangles() {
+                self.triangles.push(triangle.map(|i| base + i));
+                self.facet_normals.push(patch.normal_world);
+                self.receives.push(true);
+                self.albedo_rgb.push(Some(patch.reflectance_rgb));
+            }
+        }
+        first
     }
 }
 

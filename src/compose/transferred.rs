@@ -189,6 +189,22 @@ impl Transferred {
         self.parts.iter().filter(|part| part.changed).map(|part| part.vertices.clone())
     }
 
+    /// Replaces the soft light at every vertex by light that is known there otherwise, such as a room's: `white` gives for
+    /// an object and a vertex of the scene what a white matt surface radiates there, its own shadow counted.
+    pub fn put(&mut self, white: impl Fn(usize, usize) -> [f32; 3] + Sync) {
+        for (index, part) in self.parts.iter_mut().enumerate() {
+            part.changed = true;
+            let first = part.vertices.start;
+            let soft = self.soft[part.vertices.clone()].par_chunks_mut(CHUNK).enumerate();
+            soft.for_each(|(chunk, soft)| {
+                for (k, slot) in soft.iter_mut().enumerate() {
+                    let [r, g, b] = white(index, first + chunk * CHUNK + k);
+                    *slot = [r, g, b, 1.0];
+                }
+            });
+        }
+    }
+
     /// For each vertex of the scene: what a white matt surface radiates there under the soft half, and 1, where it has
     /// transfer; else what the spheres of others take of that, and 0.
     pub fn soft(&self) -> &[[f32; 4]] {

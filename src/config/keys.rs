@@ -97,6 +97,8 @@ const KERNELS: &[&str] = &[
     "light/project_sh",
     "visibility/shadow_maps",
     "compose/soft_shadow",
+    "visibility/point_maps",
+    "nearfield/subtract",
     "compose/shade_object",
     "compose/shade_surface",
     "compose/composite",
@@ -399,8 +401,8 @@ pub const KEYS: &[Key] = &[
     key!(
         "quality.shadow_maps",
         "maps",
-        Range::Integer(1, 64),
-        "Shadow maps that the compact lights share: more make the shadows of wide lights softer. Each costs time; from 5 maps on each has half, from 17 a quarter of shadow_map_texels.",
+        Range::Integer(1, 256),
+        "Shadow maps that all lights share: more make the shadows of wide lights softer. Each costs time. Compact lights take up to 64; from 5 maps on each has half, from 17 a quarter of shadow_map_texels. A known room's suns, lamps and walls take up to 256; those of its near lights have a quarter.",
         |s| Value::Integer(s.quality.shadow_maps as i64),
         |s, v| s.quality.shadow_maps = integer(v) as usize
     ),

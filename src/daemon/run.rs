@@ -1,7 +1,7 @@
 //! Runs the pipeline as the settings say.
 
 use super::{
-    blocker_spheres, engines,
+    blocker_spheres, engines, known_room,
     live_settings::{LiveSettings, Watched},
     picture_folder::PictureFolder,
     vertex_transfer,
@@ -14,13 +14,14 @@ use crate::device::{
     open,
 };
 use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
+use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::{
     Options, Pipeline, PipelineError,
     event::{FrameSink, RunCounts, run as run_events},
     feed::{Lockstep, Realtime},
 };
 use crate::plan::{FramePlan, PassTiming};
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 /// A pipeline with the source that feeds it.
 pub struct Prepared {
@@ -42,13 +43,18 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = source.set_exposures(&wanted)?;
     let response = response_of(settings, source.as_ref())?;
-    let (scene, rig) = scene_and_rig(settings, source.as_ref())?;
+    let (scene, rig, room) = scene_and_rig(settings, source.as_ref())?;
     let mut engine =
         engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
+    engine.load_room(room.clone())?;
     engine.load_scene(&scene)?;
     let description = engine.description();
     let options = options_of(settings, &cycle);
-    let pipeline = Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
+    let mut pipeline =
+        Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
+    if let Some(room) = room {
+        pipeline = pipeline.in_room(room);
+    }
     Ok(Prepared { source, pipeline, engine: description, cycle })
 }
 
@@ -92,7 +98,10 @@ fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response
 }
 
 /// The scene's objects and surfaces with the rig that the device or the scene file knows.
-fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene, Rig), PipelineError> {
+fn scene_and_rig(
+    settings: &Settings,
+    source: &dyn FrameSource,
+) -> Result<(Scene, Rig, Option<Arc<KnownRoom>>), PipelineError> {
     let rig = source.rig();
     if settings.scene_file.is_empty() {
         let rig = rig.ok_or_else(|| {
@@ -101,7 +110,7 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
                 settings.camera
             ))
         })?;
-        return Ok((Scene::default(), rig));
+        return Ok((Scene::default(), rig, None));
     }
     let file =
         scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
@@ -109,7 +118,8 @@ fn scene_and_rig(settings: &Settings, source: &dyn FrameSource) -> Result<(Scene
     let mut scene = file.scene_with_ball(rig.ball.as_ref());
     blocker_spheres::fit(&mut scene, settings.quality.spheres);
     vertex_transfer::bake(&mut scene, &settings.quality);
-    Ok((scene, rig))
+    let room = known_room::of_scene(&file, &mut scene).map_err(|e| PipelineError::Setup(e.to_string()))?;
+    Ok((scene, rig, room))
 }
 
 /// What a run left.

@@ -1,17 +1,18 @@
 //! The CPU twins in order: the readable description of one frame.
 
 mod check;
+mod finish;
 mod fragments;
+mod room;
 mod soft;
 
-pub(super) use check::{check, check_light};
+pub(super) use check::{check, check_light, check_room};
 pub(super) use fragments::coarse_lens;
 
 use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
 use crate::animate::posed::Posed;
 use crate::compose::{
     carried::{Coarse, RUN, SeenPlane},
-    composite,
     geometry::{MIRROR_EXPONENT, ObjectGeometry, SurfaceGeometry},
     raster::{self, Fragment, Points, Projected, Rays, Row, Samples, View},
     reflected::Reflected,
@@ -32,6 +33,7 @@ use crate::model::{
     response::Response,
     scene::Scene,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{FramePlan, Pass, PassTiming};
 use crate::visibility::{
     blockers::Blockers,
@@ -39,7 +41,8 @@ use crate::visibility::{
 };
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
-use rayon::prelude::*;
+use room::RoomWork;
+use std::sync::Arc;
 
 /// Timings kept until somebody takes them.
 const TIMINGS_KEPT: usize = 256;
@@ -93,6 +96,9 @@ pub(super) struct Work {
     pub(super) object_layer: Image<[f32; 4]>,
     pub(super) ratio: RadianceImage,
     tone: Option<ToneTable>,
+    pub(super) room: RoomWork,
+    /// Whether the scene stands in the room.
+    stands_in_room: bool,
 }
 
 impl CpuEngine {
@@ -121,7 +127,13 @@ impl Engine for CpuEngine {
         format!("cpu, {} threads", self.pool.current_num_threads())
     }
 
+    fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError> {
+        self.work.room.take(room);
+        Ok(())
+    }
+
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        check_room(scene, &self.work.room)?;
         self.work.load(scene);
         Ok(())
     }
@@ -196,6 +208,10 @@ impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
+        self.stands_in_room = scene.room.is_some();
+        if self.stands_in_room {
+            self.room.place(&self.objects, &mut self.surfaces);
+        }
         self.seen_from = None;
         self.planes.find(&self.surfaces);
         self.surfaces.receivers(&mut self.receivers);
@@ -239,6 +255,11 @@ impl Work {
                 Pass::SoftShadow => {
                     timed(timings, planned.pass, || self.soft_shadow(input, &view, &light, &plan.quality));
                     soft_drawn = true;
+                }
+                Pass::PointMaps => timed(timings, planned.pass, || self.point_maps(input, &plan.quality)),
+                Pass::Subtract => {
+                    timed(timings, planned.pass, || self.subtract(input, &view, &light, &plan.quality));
+                    ratio_drawn = true;
                 }
                 Pass::ShadeObject => {
                     timed(timings, planned.pass, || {
@@ -306,6 +327,7 @@ impl Work {
             quality,
         });
         self.moved = false;
+        self.light_by_room();
     }
 
     pub(super) fn shade_object(
@@ -440,41 +462,5 @@ impl Work {
             self.seen_surfaces.prepare(&self.rays, view, &surfaces.positions, &surfaces.triangles);
             self.seen_from = Some(*view);
         }
-    }
-
-    pub(super) fn composite(
-        &self,
-        input: &RelightInput<'_>,
-        objects: bool,
-        ratios: bool,
-        out: &mut RadianceImage,
-    ) {
-        let background = &input.background.radiance;
-        let width = background.width();
-        out.reshape(width, background.height(), [0.0; 3]);
-        let (layer, ratio) = (self.object_layer.pixels(), self.ratio.pixels());
-        let rows = out.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(background.pixels().par_chunks(width.max(1))).enumerate().for_each(|(y, (out, row))| {
-            for (x, (out, &below)) in out.iter_mut().zip(row).enumerate() {
-                let i = y * width + x;
-                let ratio = if ratios { ratio[i] } else { [1.0; 3] };
-                let object = if objects { layer[i] } else { [0.0; 4] };
-                *out = composite::over(below, ratio, object);
-            }
-        });
-    }
-
-    pub(super) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
-        let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
-        table.update(input.response);
-        let (width, height) = (out.radiance.width(), out.radiance.height());
-        out.display.reshape(width, height, [0; 3]);
-        let exposure_s = input.shown_exposure.effective_s() as f32;
-        let rows = out.display.pixels_mut().par_chunks_mut(width.max(1));
-        rows.zip(out.radiance.pixels().par_chunks(width.max(1))).for_each(|(display, radiance)| {
-            for (display, radiance) in display.iter_mut().zip(radiance) {
-                *display = std::array::from_fn(|c| table.value(c, radiance[c] * exposure_s));
-            }
-        });
     }
 }

@@ -17,7 +17,9 @@ use crate::model::{
     response::Response,
     scene::Scene,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{FramePlan, PassTiming};
+use std::sync::Arc;
 
 /// What went wrong in an engine.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +92,8 @@ pub struct RelightInput<'a> {
 pub trait Engine: Send {
     /// One line for people: engine, backend, adapter.
     fn description(&self) -> String;
+    /// Takes the known room of the scenes to come that stand in one (`Scene::room`), or none. Before [`Engine::load_scene`].
+    fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError>;
     /// Takes the scene; the next frames are drawn with it.
     fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError>;
     /// Merges one bracket to linear radiance (twin: `hdr::merge_bracket`).

@@ -4,7 +4,7 @@ use super::compact::CompactSplit;
 use super::dering::dering;
 use super::split::{SplitOptions, split};
 use crate::model::{
-    light::{Lights, RadianceSamples, RadianceSh},
+    light::{Lights, MAX_HARD_LIGHTS, RadianceSamples, RadianceSh},
     quality::SplitKind,
 };
 
@@ -61,8 +61,10 @@ impl Halver {
     /// picture was seen is the bounded one.
     pub fn halve(&mut self, total: &RadianceSh) -> Lights {
         let by_net_flux = |bounded| split(total, &SplitOptions { bounded, ..self.options.net_flux }).into();
+        // Near lights alone may have more.
+        let maps = self.options.shadow_maps.min(MAX_HARD_LIGHTS);
         let mut lights: Lights = match self.options.kind {
-            SplitKind::Compact if self.has_picture => self.compact.lights(total, self.options.shadow_maps),
+            SplitKind::Compact if self.has_picture => self.compact.lights(total, maps),
             SplitKind::Compact | SplitKind::Bounded => by_net_flux(true),
             SplitKind::Paper => by_net_flux(false),
             SplitKind::Sh => Lights::soft(*total),

@@ -1,6 +1,6 @@
 //! What is in the place: real surfaces and virtual objects, in the world frame.
 
-use super::{animation::Figure, transfer::SceneTransfer};
+use super::{animation::Figure, room::Room, transfer::SceneTransfer};
 use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
@@ -81,4 +81,6 @@ pub struct Scene {
     pub figures: Vec<Figure>,
     /// How what never moves answers to soft light, where that was computed.
     pub transfer: Option<Arc<SceneTransfer>>,
+    /// The real place, where its geometry and its own light are known: then its near light is what shadows are drawn from.
+    pub room: Option<Arc<Room>>,
 }

@@ -4,6 +4,7 @@ use super::{
     error::RoomError,
     faces::Faces,
     field::{NearField, Preparation},
+    irradiance::{IrradianceVolume, VolumeSettings},
     patches::{MAX_PATCHES, Subdivision, subdivide},
     probe::{Mapped, Probe, ProbeReport, map_probe},
     reflectance::{ReflectanceReport, measure_reflectance},
@@ -57,6 +58,8 @@ pub enum RoomLight<'a> {
         /// Whether small strong lights far beyond its texels become suns (see [`RoomSun`]).
         factor_sun: bool,
     },
+    /// From a probe that was mapped onto the same room before, by `probe::map_probe`.
+    Mapped(&'a Mapped),
 }
 
 /// A linear picture of the room without virtual objects.
@@ -76,6 +79,8 @@ pub struct KnownRoom {
     pub room: Room,
     /// Patches, sources, transfers and shafts.
     pub field: NearField,
+    /// The room's light everywhere in it, but for the suns.
+    pub volume: IrradianceVolume,
     /// Suns that shine in; their light is in no patch.
     pub suns: Vec<RoomSun>,
     /// What the suns give each vertex, like `NearField::gathered_rgb`: times the diffuse reflectance it is the radiance that
@@ -85,6 +90,15 @@ pub struct KnownRoom {
     pub reflectance_measured: Vec<bool>,
     /// What was done.
     pub report: RoomReport,
+}
+
+impl std::fmt::Debug for KnownRoom {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("KnownRoom")
+            .field("suns", &self.suns)
+            .field("report", &self.report)
+            .finish_non_exhaustive()
+    }
 }
 
 /// What was done to make a room ready; `NearField::report` has the rest.
@@ -113,8 +127,7 @@ pub fn prepare(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<KnownRoom, RoomError> {
-    let area_m2 = area_m2(&room);
-    let subdivision = Subdivision { patches: patch_count(how, area_m2)?, ..Subdivision::default() };
+    let (area_m2, subdivision) = (area_m2(&room), subdivision(&room, how)?);
     let lit = |share: f32| progress(LIGHT_SHARE * share);
     let (patches, suns, probe) = match light {
         RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
@@ -123,6 +136,9 @@ pub fn prepare(
             let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, &lit)?;
             (patches, suns, Some(report))
         }
+        RoomLight::Mapped(mapped) => {
+            (mapped.patches.clone(), mapped.suns.clone(), Some(mapped.report.clone()))
+        }
     };
     lit(1.0);
     let rest = |share: f32| progress(LIGHT_SHARE + (1.0 - LIGHT_SHARE) * share);
@@ -130,12 +146,21 @@ pub fn prepare(
     let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
     let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
     let reflectance_measured = vec![false; field.patches.patches.len()];
-    let mut known = KnownRoom { room, field, suns, sun_rgb, reflectance_measured, report };
+    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
+    let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
     if let Some(camera) = camera {
         known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
     }
     progress(1.0);
     Ok(known)
+}
+
+/// How a room is divided by its settings.
+///
+/// # Errors
+/// A patch size out of range.
+pub fn subdivision(room: &Room, how: &RoomSettings) -> Result<Subdivision, RoomError> {
+    Ok(Subdivision { patches: patch_count(how, area_m2(room))?, ..Subdivision::default() })
 }
 
 fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {

@@ -80,7 +80,11 @@ pub struct ProbeReport {
     pub damaged_texels: u32,
 }
 
+/// Another number: other results from the same input. Part of the key under which they are kept.
+pub const VERSION: u32 = 1;
+
 /// Patches with the probe's radiance, suns, and what became of the light.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mapped {
     /// Divided more finely where radiance changes.
     pub patches: RoomPatches,

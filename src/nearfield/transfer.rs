@@ -16,6 +16,8 @@ const SHORT_OF_SOURCE: f32 = 1e-3;
 /// The room as what hides.
 pub struct Statics {
     bvh: Bvh,
+    /// Of each triangle, towards its front; of any length.
+    normals: Vec<Vec3>,
 }
 
 impl Statics {
@@ -32,12 +34,25 @@ impl Statics {
                 }
             }
         }
-        Self { bvh: Bvh::build(&positions, &triangles) }
+        let normal = |t: &[u32; 3]| {
+            let corner = |k: usize| positions.get(t[k] as usize).copied().unwrap_or(Vec3::ZERO);
+            (corner(1) - corner(0)).cross(corner(2) - corner(0))
+        };
+        let normals = triangles.iter().map(normal).collect();
+        Self { bvh: Bvh::build(&positions, &triangles), normals }
     }
 
     /// Whether something stands between two places; what is just before the second does not count.
     pub fn hides(&self, from: Vec3, to: Vec3) -> bool {
         self.bvh.occluded(from, to - from, 0.0, 1.0 - SHORT_OF_SOURCE)
+    }
+}
+
+impl Statics {
+    /// Distance to what a ray meets first, and whether it meets its back; `towards` is unit.
+    pub fn first(&self, from: Vec3, towards: Vec3) -> Option<(f32, bool)> {
+        let hit = self.bvh.intersect(from, towards, 1e-5, f32::INFINITY)?;
+        Some((hit.t, self.normals.get(hit.triangle as usize).is_some_and(|n| n.dot(towards) > 0.0)))
     }
 }
 

@@ -8,6 +8,7 @@ pub mod gray_place;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;
+pub mod room_light;
 pub mod tracking;
 pub mod views;
 
@@ -25,10 +26,12 @@ use crate::model::{
     rig::Rig,
     scene::Scene,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{FramePlan, PassTiming};
 use frame::{FrameOutcome, Shown, Stage};
 use lighting::Lighting;
 use presenting::Presenting;
+use std::sync::Arc;
 use tracking::{Tracker, TrackingError};
 
 /// Why the pipeline could not start or go on.
@@ -150,6 +153,13 @@ impl Pipeline {
         })
     }
 
+    /// The known room that the scene stands in (`Scene::room`); the engine has been given it. Objects are lit by it then,
+    /// whether or not the camera's picture shows what the light can be measured from.
+    pub fn in_room(mut self, room: Arc<KnownRoom>) -> Self {
+        self.presenting.take_room(room);
+        self
+    }
+
     /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
     /// scene stay; light of another order is measured anew. Fails where the engine cannot take the scene.
     pub fn change(&mut self, change: Change) -> Result<(), PipelineError> {
@@ -185,14 +195,14 @@ impl Pipeline {
         let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
         let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
         let lit = self.watch.now();
-        let obstacle = policy::obstacle(pose.as_ref(), light.as_ref());
-        let shown = match (obstacle, &pose, &light) {
-            (None, Some(pose), Some(light)) => self.presenting.relit(
+        let obstacle = policy::obstacle(pose.as_ref(), light.is_some() || self.presenting.has_room());
+        let shown = match (obstacle, &pose) {
+            (None, Some(pose)) => self.presenting.relit(
                 self.engine.as_mut(),
                 self.lighting.picture(),
                 lens,
                 &pose.world_from_camera,
-                &light.lights,
+                light.as_ref().map(|light| &light.lights),
                 self.lighting.environment(),
                 &self.response,
                 frame.t_mid,

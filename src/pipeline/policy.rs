@@ -1,17 +1,17 @@
 //! What to show when something is missing: never black, never a crash.
 
-use crate::model::estimate::{LightEstimate, PoseEstimate, Provenance};
+use crate::model::estimate::{PoseEstimate, Provenance};
 
 /// A pose that was not measured for longer than this is no longer drawn with: the objects would float.
 pub const LONGEST_POSE_AGE_S: f64 = 0.5;
 
 /// Whether virtual objects can be drawn; if not, why.
-pub fn obstacle(pose: Option<&PoseEstimate>, light: Option<&LightEstimate>) -> Option<&'static str> {
-    match (pose, light) {
-        (None, _) => Some("no tag found yet"),
-        (Some(pose), _) if age_s(&pose.provenance) > LONGEST_POSE_AGE_S => Some("tag lost"),
-        (_, None) => Some("light not measured yet"),
-        (Some(_), Some(_)) => None,
+pub fn obstacle(pose: Option<&PoseEstimate>, light_is_known: bool) -> Option<&'static str> {
+    match pose {
+        None => Some("no tag found yet"),
+        Some(pose) if age_s(&pose.provenance) > LONGEST_POSE_AGE_S => Some("tag lost"),
+        Some(_) if !light_is_known => Some("light not measured yet"),
+        Some(_) => None,
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::{
     Options,
+    room_light::RoomLight,
     views::{Subject, Views},
 };
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
+use crate::light::prefilter::Wanted;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -18,10 +20,13 @@ use crate::model::{
     scene::Scene,
     time::Timestamp,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{
     FramePlan,
     effects::{self, Occasion},
 };
+use glam::Vec3;
+use std::sync::Arc;
 
 /// Plans and draws.
 pub struct Presenting {
@@ -36,6 +41,8 @@ pub struct Presenting {
     shown_exposure: ShownExposure,
     view: PictureView,
     views: Views,
+    /// The room that the scene stands in, which the engine was given.
+    room: Option<RoomLight>,
 }
 
 impl Presenting {
@@ -52,7 +59,18 @@ impl Presenting {
             shown_exposure: ShownExposure::new(options),
             view: options.view,
             views: Views::default(),
+            room: None,
         }
+    }
+
+    /// The known room that the scene stands in.
+    pub fn take_room(&mut self, room: Arc<KnownRoom>) {
+        self.room = Some(RoomLight::new(room));
+    }
+
+    /// Whether the scene's light comes from a known room.
+    pub fn has_room(&self) -> bool {
+        self.room.is_some()
     }
 
     /// Draws with other settings from now on.
@@ -85,13 +103,21 @@ impl Presenting {
         background: &HdrImage,
         lens: &Lens,
         world_from_camera: &Pose,
-        light: &Lights,
+        light: Option<&Lights>,
         environment: Option<&EnvironmentPicture>,
         response: &Response,
         t: Timestamp,
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
+        let middle = self.middle_of_objects();
+        let in_room = self.room.as_ref().map(|room| room.lights_at(middle));
+        let light = in_room.as_ref().or(light).ok_or("light not measured yet")?;
+        let wanted = Wanted::by(&self.scene, light.global.order);
+        let environment = match &mut self.room {
+            Some(room) => room.picture_at(middle, wanted),
+            None => environment,
+        };
         let input = RelightInput {
             background,
             lens,
@@ -109,6 +135,13 @@ impl Presenting {
             tracing::warn!("shown without virtual objects: {error}");
             "the engine could not draw"
         })
+    }
+
+    fn middle_of_objects(&self) -> Vec3 {
+        let points = self.posed.objects().iter().flat_map(|o| &o.positions_world).filter(|p| p.is_finite());
+        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (low, high) = points.fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
+        if low.is_finite() { low.midpoint(high) } else { Vec3::ZERO }
     }
 
     /// The camera picture alone at the shown exposure; if even that fails, the frame as it came.

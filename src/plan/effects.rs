@@ -36,6 +36,9 @@ impl Occasion<'_> {
 /// Writes the passes of one frame into `out` (memory is reused): each that the frame calls for with its
 /// reason, and each left out with its reason.
 ///
+/// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
+/// hide some of them; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
+///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
 /// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres. Its reason says where it has
@@ -87,6 +90,16 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Pass::ProjectSh,
         asked(occasion.project || occasion.ball, "measured light becomes SH", "no light is measured now"),
     );
+    let in_room = scene.room.is_some();
+    let near = if !in_room {
+        Err("no known room")
+    } else if !draw {
+        Err("no picture is drawn")
+    } else if !objects {
+        Err("no virtual object hides any light")
+    } else {
+        Ok("virtual objects stand in a known room")
+    };
     let shadows = if !draw {
         Err("no picture is drawn")
     } else if !objects {
@@ -95,6 +108,8 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Err("no hard light")
     } else if seen {
         Ok("virtual objects in view stand in hard light")
+    } else if in_room {
+        Ok("the sun shines into the known room")
     } else if faces {
         Ok("shadows of objects out of view fall on real surfaces")
     } else {
@@ -104,6 +119,8 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     let spheres: usize = scene.figures.iter().map(|f| f.spheres.len()).sum();
     let soft = if !draw {
         Err("no picture is drawn")
+    } else if in_room {
+        Err("the known room's own lights throw the shadows")
     } else if spheres == 0 {
         Err("no virtual body has spheres")
     } else if !receivers {
@@ -119,6 +136,8 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         })
     };
     decide(Pass::SoftShadow, soft);
+    decide(Pass::PointMaps, near);
+    decide(Pass::Subtract, near);
     let shade = if !draw {
         Err("no picture is drawn")
     } else if !objects {
@@ -129,7 +148,9 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         Ok("virtual objects are in view")
     };
     decide(Pass::ShadeObject, shade);
-    let surface = if soft.is_ok() {
+    let surface = if in_room {
+        Err("the known room's own lights throw the shadows")
+    } else if soft.is_ok() {
         Ok("soft light is blocked over a receiving surface")
     } else if shadows.is_err() {
         shadows

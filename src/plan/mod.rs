@@ -18,6 +18,10 @@ pub enum Pass {
     ShadowMaps,
     /// `compose/soft_shadow`: what virtual objects, as spheres, take of the soft light on real surfaces.
     SoftShadow,
+    /// `visibility/point_maps`: the shadow maps of a known room's lights.
+    PointMaps,
+    /// `nearfield/subtract`: what virtual objects leave of a known room's light, as a ratio for each pixel.
+    Subtract,
     /// `compose/shade_object`: objects into a layer of premultiplied radiance and coverage, hidden by real surfaces.
     ShadeObject,
     /// `compose/shade_surface`: what virtual objects leave of the light on real surfaces, as a ratio for each pixel.
@@ -37,6 +41,8 @@ impl Pass {
             Self::ProjectSh => "light/project_sh",
             Self::ShadowMaps => "visibility/shadow_maps",
             Self::SoftShadow => "compose/soft_shadow",
+            Self::PointMaps => "visibility/point_maps",
+            Self::Subtract => "nearfield/subtract",
             Self::ShadeObject => "compose/shade_object",
             Self::ShadeSurface => "compose/shade_surface",
             Self::Composite => "compose/composite",
@@ -45,12 +51,14 @@ impl Pass {
     }
 
     /// All passes in the order in which a frame runs them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::MergeBracket,
         Self::UnwrapBall,
         Self::ProjectSh,
         Self::ShadowMaps,
         Self::SoftShadow,
+        Self::PointMaps,
+        Self::Subtract,
         Self::ShadeObject,
         Self::ShadeSurface,
         Self::Composite,

@@ -335,7 +335,12 @@ impl Case {
             Ok(RealSurface { name: geometry.name.clone(), mesh, receives_shadow: true, albedo_rgb })
         });
         let objects = objects.collect::<Result<_, AssetError>>()?;
-        Ok(Scene { objects, surfaces: surfaces.collect::<Result<_, AssetError>>()?, figures, transfer: None })
+        Ok(Scene {
+            objects,
+            surfaces: surfaces.collect::<Result<_, AssetError>>()?,
+            figures,
+            ..Scene::default()
+        })
     }
 }
 

@@ -21,6 +21,7 @@ pub mod room;
 mod skeleton;
 mod source;
 pub mod write;
+pub mod write_room;
 
 pub use figure::{DEFAULT_SPHERES, LoadedFigure, decode_figure, load_figure};
 

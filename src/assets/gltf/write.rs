@@ -10,11 +10,14 @@ use serde_json::{Value, json};
 
 /// The binary chunk and its accessors.
 #[derive(Default)]
-struct Chunk {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
+pub(super) struct Chunk {
+    pub(super) bytes: Vec<u8>,
+    pub(super) views: Vec<Value>,
+    pub(super) accessors: Vec<Value>,
 }
+
+/// Name and numbers of an accessor of positions.
+pub(super) const F32_TRIPLE: (&str, usize) = ("VEC3", 3);
 
 const U8: u32 = 5121;
 const U16: u32 = 5123;
@@ -32,10 +35,20 @@ impl Chunk {
         self.accessors.len() - 1
     }
 
-    fn floats(&mut self, rows: impl IntoIterator<Item = f32>, kind: &str, size: usize) -> usize {
+    pub(super) fn floats(&mut self, rows: impl IntoIterator<Item = f32>, kind: &str, size: usize) -> usize {
         let bytes: Vec<u8> = rows.into_iter().flat_map(f32::to_le_bytes).collect();
         let count = bytes.len() / 4 / size;
         self.add(bytes, F32, kind, count)
+    }
+
+    /// Indices as two bytes each where that suffices, else four.
+    pub(super) fn indices(&mut self, list: &[u32]) -> usize {
+        if list.iter().all(|&i| i < u32::from(u16::MAX)) {
+            let bytes = list.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect();
+            self.add(bytes, U16, "SCALAR", list.len())
+        } else {
+            self.add(list.iter().flat_map(|i| i.to_le_bytes()).collect(), U32, "SCALAR", list.len())
+        }
     }
 
     fn normalised(&mut self, rows: impl IntoIterator<Item = f32>) -> usize {
@@ -84,17 +97,7 @@ pub fn encode(loaded: &LoadedFigure, extras: Value) -> Option<Vec<u8>> {
         };
         let weight = chunk.normalised(weights.as_flattened().iter().copied());
         let triangles = object.mesh.triangles.as_flattened();
-        let indices = if count <= usize::from(u16::MAX) {
-            let bytes = triangles.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect();
-            chunk.add(bytes, U16, "SCALAR", triangles.len())
-        } else {
-            chunk.add(
-                triangles.iter().flat_map(|i| i.to_le_bytes()).collect(),
-                U32,
-                "SCALAR",
-                triangles.len(),
-            )
-        };
+        let indices = chunk.indices(triangles);
         let albedo_rgb = match object.material {
             Material::Lambert { albedo_rgb } | Material::Phong { albedo_rgb, .. } => albedo_rgb,
             Material::Mirror { reflectance_rgb } => reflectance_rgb,
@@ -170,7 +173,7 @@ fn animation(clip: &crate::model::animation::Clip, chunk: &mut Chunk) -> Value {
     json!({"name": clip.name, "channels": channels, "samplers": samplers})
 }
 
-fn container(document: &Value, mut binary: Vec<u8>) -> Vec<u8> {
+pub(super) fn container(document: &Value, mut binary: Vec<u8>) -> Vec<u8> {
     let mut json = document.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);

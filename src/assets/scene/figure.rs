@@ -4,9 +4,10 @@ use super::walk::{Section, numbers};
 use crate::animate::walk::{MAX_TURN_DEG, MIN_SIDE_M, round_corners};
 use crate::assets::gltf::DEFAULT_SPHERES;
 use crate::model::animation::{
-    Attachment, Figure, FigurePart, Joint, Node, Playing, Skeleton, Transform, Walk,
+    Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Node, Playing, Skeleton,
+    Transform, Walk,
 };
-use glam::{Affine3A, Vec2};
+use glam::{Affine3A, Vec2, Vec4};
 
 /// What `[[object]]` says about movement.
 pub struct Movement {
@@ -16,6 +17,8 @@ pub struct Movement {
     speed: f64,
     /// Where it goes.
     pub walk: Option<Walk>,
+    /// Where it is carried: its moving, as a clip of the one node of a body that keeps its shape.
+    pub carried: Option<Clip>,
     sphere_count: usize,
 }
 
@@ -55,6 +58,16 @@ pub fn movement(section: &Section<'_>) -> Movement {
         section.refuse("position", "left out where there is a path");
     }
     let walk = legs.zip(speed_m_s).map(|(legs, speed_m_s)| Walk { legs, speed_m_s });
+    let carried = section.read(
+        "carry",
+        "at least 2 rows of four numbers, time_s, x, y and z, times from 0 on, rising",
+        |v| carried(&v.as_array()?.iter().map(numbers).collect::<Option<Vec<_>>>()?),
+    );
+    for key in ["path", "position", "animation"] {
+        if section.has("carry") && section.has(key) {
+            section.refuse(key, "left out where there is carry");
+        }
+    }
     let sphere_count = section.read("spheres", "a whole number within 4..=64", |v| {
         usize::try_from(v.as_integer()?).ok().filter(|n| (4..=64).contains(n))
     });
@@ -63,6 +76,7 @@ pub fn movement(section: &Section<'_>) -> Movement {
         from_s: from_s.unwrap_or(0.0),
         speed: speed.unwrap_or(1.0),
         walk,
+        carried,
         sphere_count: sphere_count.unwrap_or(DEFAULT_SPHERES),
     }
 }
@@ -74,6 +88,15 @@ impl Movement {
         figure.world_from_figure = place;
         figure.walk = self.walk;
         figure.sphere_count = self.sphere_count;
+        if let Some(mut clip) = self.carried {
+            // Its places are the world's, its node's are the figure's.
+            let figure_from_world = place.matrix3.inverse();
+            for value in clip.channels.iter_mut().flat_map(|c| &mut c.values) {
+                *value = (figure_from_world * value.truncate()).extend(0.0);
+            }
+            figure.clips = vec![clip];
+            figure.playing = Some(Playing { clip: 0, from_s: 0.0, speed: 1.0, looped: false });
+        }
         if let Some(wanted) = self.animation {
             match figure.clips.iter().position(|clip| clip.name == wanted) {
                 Some(clip) => {
@@ -91,6 +114,47 @@ impl Movement {
         }
         figure
     }
+}
+
+/// A smooth way through places at times: at each the velocity of the straight line between its neighbours, at rest at both ends.
+/// `None` where rows are not four numbers, fewer than 2, not finite, or their times do not rise.
+fn carried(rows: &[Vec<f64>]) -> Option<Clip> {
+    let sound = |r: &Vec<f64>| r.len() == 4 && r.iter().all(|v| v.is_finite() && v.abs() <= 1e6);
+    if rows.len() < 2 || !rows.iter().all(sound) || rows.windows(2).any(|w| w[1][0] - w[0][0] < 1e-3) {
+        return None;
+    }
+    let mut rows = rows.to_vec();
+    if rows[0][0] < 0.0 {
+        return None;
+    }
+    if rows[0][0] > 0.0 {
+        // It waits where it is first.
+        rows.insert(0, vec![0.0, rows[0][1], rows[0][2], rows[0][3]]);
+    }
+    let place = |k: usize| Vec4::new(rows[k][1] as f32, rows[k][2] as f32, rows[k][3] as f32, 0.0);
+    let mut values = Vec::with_capacity(3 * rows.len());
+    for k in 0..rows.len() {
+        let slope = if k == 0 || k + 1 == rows.len() {
+            Vec4::ZERO
+        } else {
+            (place(k + 1) - place(k - 1)) / (rows[k + 1][0] - rows[k - 1][0]) as f32
+        };
+        values.extend([slope, place(k), slope]);
+    }
+    let (first, last) = (rows[0][0], rows[rows.len() - 1][0]);
+    let channel = Channel {
+        node: 0,
+        moves: Moves::Translation,
+        interpolation: Interpolation::CubicSpline,
+        times_s: rows.iter().map(|r| r[0] as f32).collect(),
+        values,
+    };
+    Some(Clip {
+        name: "carried".into(),
+        start_s: first as f32,
+        duration_s: (last - first) as f32,
+        channels: vec![channel],
+    })
 }
 
 /// A body that keeps its shape: one node, on which `objects` objects hang as they are.

@@ -55,6 +55,11 @@
 //! material = { kind = "lambert", albedo_rgb = [0.8, 0.7, 0.5] }   # or phong (specular_rgb, exponent), mirror (reflectance_rgb)
 //! spheres = 16                       # how many stand for it where it blocks soft light, 4 to 64
 //!
+//! [[object]]                         # something that a hand carries: time_s, x, y, z of its lowest point, smooth between them
+//! shape = "vase"
+//! height_m = 0.2
+//! carry = [[0.0, -0.4, -0.7, -0.7], [1.5, -0.2, -0.6, -0.3], [4.0, 0.1, 0.1, -0.7]]
+//!
 //! [[object]]                         # a figure that walks
 //! file = "walker.glb"
 //! height_m = 0.2

@@ -145,6 +145,7 @@ impl Moment {
             response: from.response.clone(),
             exposure_s: Some(from.shown_exposure.effective_s()),
             quantity: Quantity::Radiance,
+            room: None,
             view: PictureView::Final,
             samples: from.samples.clone(),
             environment: None,

@@ -2,6 +2,7 @@
 
 mod background;
 mod case_light;
+mod case_room;
 mod compare;
 mod scene_still;
 mod still;

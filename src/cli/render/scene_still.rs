@@ -1,12 +1,13 @@
 //! The still of a scene file: its pictures merged, its light measured or stated, its objects over it.
 
 use super::still::{Quantity, Still, halve_options};
+use crate::animate::posed::Posed;
 use crate::assets::{
     pictures, response,
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
 };
 use crate::cli::{CliError, bracket::steady};
-use crate::daemon::{blocker_spheres, vertex_transfer};
+use crate::daemon::{blocker_spheres, known_room, vertex_transfer};
 use crate::engine::{Bracket, Engine, LightJob};
 use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::unwrap_ball::BallShot;
@@ -26,7 +27,9 @@ use crate::model::{
     quality::Quality,
     response::Response,
     rig::MirrorBall,
+    scene::Scene,
 };
+use crate::nearfield::{faces::Faces, objects};
 use crate::pipeline::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
 use std::path::Path;
@@ -74,6 +77,7 @@ pub fn of_scene(
         None => None,
     };
     let total = match &file.light {
+        LightSource::Unstated if file.room.is_some() => None,
         LightSource::Unstated => {
             return Err(CliError(format!(
                 "{}: light: must be measured or stated to draw a still",
@@ -134,6 +138,11 @@ pub fn of_scene(
         light.global.order
     ));
     let mut scene = file.scene.clone();
+    let room = known_room::of_scene(file, &mut scene).map_err(|e| CliError(e.to_string()))?;
+    let light = match &room {
+        Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&scene)),
+        None => light,
+    };
     blocker_spheres::fit(&mut scene, quality.spheres);
     vertex_transfer::bake(&mut scene, quality);
     let exposure_s = place.as_ref().and_then(|loaded| loaded.exposures.first()).map(|e| e.effective_s());
@@ -156,9 +165,19 @@ pub fn of_scene(
         response,
         exposure_s,
         quantity: Quantity::Radiance,
+        room,
         view: PictureView::Final,
         samples: total.map_or_else(RadianceSamples::default, |(_, samples)| samples),
     })
+}
+
+/// The middle of all virtual objects.
+fn middle_of(scene: &Scene) -> Vec3 {
+    let posed = Posed::new(scene);
+    let points = posed.objects().iter().flat_map(|o| &o.positions_world).filter(|p| p.is_finite());
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = points.fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
+    if low.is_finite() { low.midpoint(high) } else { Vec3::ZERO }
 }
 
 /// What de-ringing cost, for people.

@@ -1,6 +1,6 @@
 //! What a still is drawn from, and the drawing of it.
 
-use super::{background, case_light};
+use super::{background, case_light, case_room};
 use crate::animate::posed::Posed;
 use crate::assets::case::Case;
 use crate::cli::{CliError, common::PixelDigest};
@@ -19,8 +19,10 @@ use crate::model::{
     scene::Scene,
     time::Timestamp,
 };
+use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::views::{Subject, Views};
 use crate::plan::{FramePlan, PassTiming};
+use std::sync::Arc;
 
 /// How a still's light is halved.
 pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
@@ -66,6 +68,8 @@ pub struct Still {
     pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
     pub quantity: Quantity,
+    /// The known room that the scene stands in.
+    pub room: Option<Arc<KnownRoom>>,
     /// Which part of the work is shown.
     pub view: PictureView,
     /// The light as it was measured, world frame; empty where it was not.
@@ -122,6 +126,8 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
     let environment =
         case_light::picture_for_objects(case, &scene, &sources, left.as_ref(), quality.sh_order);
     let background = background::shade(case, &scene, &sources);
+    let room = case_room::prepare(case, &emitters, &mut scene)?;
+    let light = if room.is_some() { Lights::soft(light.global) } else { light };
     let quantity = if image == "ratio" {
         Quantity::Ratio
     } else if image.starts_with("diff_") {
@@ -139,6 +145,7 @@ pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, Cli
         response: Response::srgb(),
         exposure_s: None,
         quantity,
+        room,
         view: PictureView::Final,
         samples: RadianceSamples::default(),
     })
@@ -156,6 +163,7 @@ impl Still {
         repeat: usize,
     ) -> Result<Drawn, CliError> {
         let failed = |e: crate::engine::EngineError| CliError(e.to_string());
+        engine.load_room(self.room.clone()).map_err(failed)?;
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
         let time_s =

@@ -5,10 +5,11 @@ mod panorama;
 use super::{CliError, Common, common::PixelDigest};
 use crate::assets::{
     case,
-    known_room::{ReadyRoom, make_ready},
+    known_room::{ReadyRoom, make_ready_with},
     pictures,
     scene::{self, RoomLightSource, RoomSource},
 };
+use crate::daemon::cache_folder::cache_folder;
 use crate::model::{image::RadianceImage, light::MapLayout};
 use crate::nearfield::{
     faces::Faces,
@@ -78,6 +79,10 @@ pub struct Arguments {
     /// Where the panoramas are seen from, metres (default: the probe's place, else the middle of the room).
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<String>,
+    /// Map the probe anew although the user's cache folder ($XDG_CACHE_HOME/halflight or ~/.cache/halflight) knows it, and keep
+    /// nothing.
+    #[arg(long)]
+    pub fresh: bool,
     /// Rows of the panoramas, 64 to 4096.
     #[arg(long, value_name = "PIXELS", default_value_t = 512)]
     pub rows: usize,
@@ -110,7 +115,9 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let begun = Instant::now();
     let bar = bar("the room");
     let progress = |share: f32| bar.set_position((share * 100.0) as u64);
-    let ready = make_ready(&source, camera.as_ref(), &progress).map_err(|e| fail(&e))?;
+    let cache = if arguments.fresh { None } else { cache_folder() };
+    let ready =
+        make_ready_with(&source, camera.as_ref(), cache.as_deref(), &progress).map_err(|e| fail(&e))?;
     bar.finish_and_clear();
     let seconds = begun.elapsed().as_secs_f64();
 

@@ -1,7 +1,8 @@
 //! What stands in the room. World frame: the table's top is z = 0, the tag lies at the origin; metres.
 
 use super::{
-    paint::Paint,
+    options::Subject,
+    paint::{BOARD_SIDE_M, Paint},
     room::{Lamp, Solid, Window},
     shapes::Shape,
 };
@@ -28,8 +29,11 @@ const FLOOR: f64 = -0.74;
 const CEILING: f64 = 1.86;
 const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 
+/// Where the board with the tag stands (the middle of its foot) and how it is turned about z, degrees, in the view of the room.
+pub const BOARD: ([f64; 3], f64) = ([0.36, 0.22, 0.0], 26.0);
+
 /// The whole room.
-pub fn furnish() -> Plan {
+pub fn furnish(view: Subject) -> Plan {
     let lamp_centre = DVec3::new(-1.30, 0.64, 1.58);
     let lamp = Lamp {
         centre: lamp_centre,
@@ -53,10 +57,16 @@ pub fn furnish() -> Plan {
     furniture(&mut solids, &mut groups);
     let table = solids.len();
     groups.push(table);
-    table_with_legs(&mut solids);
+    table_with_legs(&mut solids, view);
     let first_on_table = solids.len();
     groups.push(first_on_table);
-    on_the_table(&mut solids);
+    on_the_table(&mut solids, view);
+    if view == Subject::Room {
+        solids.push(Solid::new(
+            Shape::standing(BOARD.0, [BOARD_SIDE_M, 0.02, BOARD_SIDE_M], BOARD.1),
+            &[Paint::Plain(DVec3::splat(0.6)), Paint::Plain(DVec3::splat(0.6)), Paint::TagBoard],
+        ));
+    }
     solids.push(Solid {
         mirror: true,
         ..Solid::new(
@@ -169,18 +179,22 @@ fn furniture(solids: &mut Vec<Solid>, groups: &mut Vec<usize>) {
     solids.push(Solid::new(Shape::block([0.10, -1.4, 0.40], [1.10, -1.375, 1.05]), &picture(14)));
 }
 
-fn table_with_legs(solids: &mut Vec<Solid>) {
+fn table_with_legs(solids: &mut Vec<Solid>, view: Subject) {
     let edge = Paint::Mottled(DVec3::new(0.34, 0.22, 0.12), 0.15);
+    let top = match view {
+        Subject::Desk => Paint::TableTop,
+        Subject::Room => Paint::BareTable,
+    };
     solids.push(Solid::new(
         Shape::block([-0.62, -0.40, -0.032], [0.62, 0.46, 0.0]),
-        &[edge, edge, edge, edge, edge, Paint::TableTop],
+        &[edge, edge, edge, edge, edge, top],
     ));
     for (x, y) in [(-0.58, -0.36), (0.52, -0.36), (-0.58, 0.36), (0.52, 0.36)] {
         solids.push(Solid::new(Shape::block([x, y, FLOOR], [x + 0.06, y + 0.06, -0.032]), &[edge]));
     }
 }
 
-fn on_the_table(solids: &mut Vec<Solid>) {
+fn on_the_table(solids: &mut Vec<Solid>, view: Subject) {
     let mug = DVec3::new(-0.03, 0.27, 0.0);
     let glaze = Paint::Glaze(DVec3::new(0.05, 0.20, 0.24), DVec3::new(0.62, 0.58, 0.50));
     let inside = Paint::Plain(DVec3::new(0.66, 0.64, 0.58));
@@ -206,8 +220,12 @@ fn on_the_table(solids: &mut Vec<Solid>) {
     let cream = DVec3::new(0.62, 0.56, 0.42);
     let red = DVec3::new(0.34, 0.045, 0.04);
     let green = DVec3::new(0.05, 0.17, 0.09);
-    solids.push(book([0.38, 0.31, 0.0], [0.17, 0.24, 0.028], 24.0, red, cream));
-    solids.push(book([0.385, 0.305, 0.028], [0.13, 0.19, 0.018], 5.0, green, cream));
+    // The board stands where the books lie otherwise.
+    let has_books = view == Subject::Desk;
+    if has_books {
+        solids.push(book([0.38, 0.31, 0.0], [0.17, 0.24, 0.028], 24.0, red, cream));
+        solids.push(book([0.385, 0.305, 0.028], [0.13, 0.19, 0.018], 5.0, green, cream));
+    }
     solids.push(Solid::new(
         Shape::Sphere { centre: DVec3::new(0.15, 0.33, 0.037), radius: 0.037 },
         &[Paint::Apple],
@@ -217,5 +235,7 @@ fn on_the_table(solids: &mut Vec<Solid>) {
     let toy = Paint::Mottled(DVec3::new(0.48, 0.33, 0.05), 0.06);
     solids.push(Solid::new(Shape::standing([-0.335, 0.225, 0.0], [0.04, 0.04, 0.04], -12.0), &[toy]));
     let pencil = Paint::Plain(DVec3::new(0.55, 0.33, 0.03));
-    solids.push(Solid::new(Shape::standing([0.37, 0.12, 0.0], [0.17, 0.007, 0.007], -14.0), &[pencil]));
+    if has_books {
+        solids.push(Solid::new(Shape::standing([0.37, 0.12, 0.0], [0.17, 0.007, 0.007], -14.0), &[pencil]));
+    }
 }

@@ -15,6 +15,7 @@ mod paint;
 mod picture;
 mod random;
 mod room;
+mod rough;
 mod shapes;
 mod truth;
 
@@ -23,7 +24,7 @@ use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     estimate::{PoseEstimate, Provenance},
     frame::{Exposure, RawFrame},
-    light::RadianceSh,
+    light::{EnvironmentMap, RadianceSh},
     response::Response,
     rig::{Rig, TagPlacement},
     time::Timestamp,
@@ -31,7 +32,7 @@ use crate::model::{
 use glam::{DMat3, DVec3};
 pub use motion::SyntheticImu;
 use motion::Trajectory;
-pub use options::Options;
+pub use options::{Options, Subject};
 pub use paint::{PAPER_SIDE_M, TAG_SIDE_M};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -41,6 +42,8 @@ pub const START_S: f64 = 1.0;
 const IMU_MARGIN_S: f64 = 0.2;
 /// Focal length in widths of the picture.
 const FOCAL_WIDTHS: f64 = 1.02;
+/// The same of the wider lens for the whole room.
+const ROOM_FOCAL_WIDTHS: f64 = 0.70;
 
 /// The virtual room's camera.
 pub struct SyntheticSource {
@@ -62,43 +65,47 @@ struct Place {
 }
 
 impl Place {
-    fn new(texel_mm: f64) -> Arc<Self> {
+    fn new(texel_mm: f64, view: Subject) -> Arc<Self> {
         let fineness = bake::Fineness { table_texel_m: texel_mm * 1e-3, seed: 0x5eed };
-        let room = room::Room::new(fineness);
+        let room = room::Room::new(view, fineness);
         Arc::new(Self { light: truth::light_at_ball(&room), room })
     }
 
     /// The place as computed before in this process, if it was; it depends on nothing but the texel.
-    fn shared(texel_mm: f64) -> Arc<Self> {
-        static MADE: Mutex<Vec<(f64, Arc<Place>)>> = Mutex::new(Vec::new());
+    fn shared(texel_mm: f64, view: Subject) -> Arc<Self> {
+        static MADE: Mutex<Vec<(f64, Subject, Arc<Place>)>> = Mutex::new(Vec::new());
         let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, place)) = made().iter().find(|(texel, _)| *texel == texel_mm) {
+        if let Some((.., place)) = made().iter().find(|(texel, of, _)| *texel == texel_mm && *of == view) {
             return Arc::clone(place);
         }
         // Not under the lock: computing uses the thread pool, which may run other work that opens a room.
-        let place = Self::new(texel_mm);
+        let place = Self::new(texel_mm, view);
         let mut list = made();
         list.truncate(1);
-        list.insert(0, (texel_mm, Arc::clone(&place)));
+        list.insert(0, (texel_mm, view, Arc::clone(&place)));
         place
     }
 }
 
 /// Opens the room's camera and its IMU. The first call takes a second or two to compute the light.
 pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
-    assemble(options, Place::shared(options.texel_mm))
+    assemble(options, Place::shared(options.texel_mm, options.view))
 }
 
 /// The same with all light computed anew.
 pub fn open_anew(options: &Options) -> (SyntheticSource, SyntheticImu) {
-    assemble(options, Place::new(options.texel_mm))
+    assemble(options, Place::new(options.texel_mm, options.view))
 }
 
 fn assemble(options: &Options, place: Arc<Place>) -> (SyntheticSource, SyntheticImu) {
-    let trajectory = Arc::new(Trajectory::new(options.seed, options.motion));
+    let trajectory = Arc::new(Trajectory::new(options.seed, options.motion, options.view));
     let response = film::film();
     let (width, height) = options.size;
-    let focal = FOCAL_WIDTHS * f64::from(width);
+    let focal_widths = match options.view {
+        Subject::Desk => FOCAL_WIDTHS,
+        Subject::Room => ROOM_FOCAL_WIDTHS,
+    };
+    let focal = focal_widths * f64::from(width);
     let end_s = START_S + options.frames as f64 / options.fps;
     let source = SyntheticSource {
         device: format!("synthetic:seed={}", options.seed),
@@ -121,7 +128,26 @@ pub fn world_from_tag() -> Pose {
     Pose::from_matrix(DMat3::from_cols(DVec3::X, -DVec3::Y, -DVec3::Z), DVec3::ZERO)
 }
 
+/// Where the tag on the board is in the view of the room: its picture's x along the board, its y down, its z into the board.
+pub fn world_from_board() -> Pose {
+    let (foot, degrees) = furnish::BOARD;
+    let (s, c) = degrees.to_radians().sin_cos();
+    let (along, into) = (DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0));
+    let front = DVec3::from(foot) + DVec3::Z * (paint::BOARD_SIDE_M / 2.0) - into * 0.01;
+    Pose::from_matrix(DMat3::from_cols(along, -DVec3::Z, into), front)
+}
+
+/// The room as somebody would measure it with a tape: its walls, what stands on the floor, the window and the lamp.
+pub fn rough_room(view: Subject) -> crate::model::room::Room {
+    rough::room(&furnish::furnish(view))
+}
+
 impl SyntheticSource {
+    /// What a probe at a place of the room sees: an equirectangular picture of the whole sphere, twice as wide as `height`.
+    pub fn probe(&self, position_world: DVec3, height: usize) -> EnvironmentMap {
+        rough::probe(&self.place.room, position_world, height)
+    }
+
     /// The camera's pose at a true time, seconds.
     pub fn world_from_camera(&self, t: f64) -> Pose {
         self.trajectory.world_from_camera(t)
@@ -194,11 +220,13 @@ impl FrameSource for SyntheticSource {
     }
 
     fn rig(&self) -> Option<Rig> {
-        Some(Rig {
-            lens: self.lens,
-            tags: vec![TagPlacement { id: 0, side_m: TAG_SIDE_M, world_from_tag: world_from_tag() }],
-            ball: Some(self.place.room.ball()),
-        })
+        let tag = |side_m, world_from_tag| vec![TagPlacement { id: 0, side_m, world_from_tag }];
+        let (tags, ball) = match self.options.view {
+            Subject::Desk => (tag(TAG_SIDE_M, world_from_tag()), Some(self.place.room.ball())),
+            // The ball is too small in the picture to read light from.
+            Subject::Room => (tag(paint::BOARD_TAG_SIDE_M, world_from_board()), None),
+        };
+        Some(Rig { lens: self.lens, tags, ball })
     }
 
     fn response(&self) -> Option<Response> {

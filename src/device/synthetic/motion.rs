@@ -1,6 +1,9 @@
 //! How the camera moves, and what an IMU on it feels.
 
-use super::random::{normal, uniform};
+use super::{
+    options::Subject,
+    random::{normal, uniform},
+};
 use crate::device::{DeviceError, ImuSource, ImuTruth};
 use crate::math::pose::Pose;
 use crate::model::{imu::ImuSample, time::Timestamp};
@@ -22,6 +25,7 @@ pub const ACCEL_NOISE_M_S2: f64 = 0.03;
 pub struct Trajectory {
     seed: u64,
     strength: f64,
+    view: Subject,
 }
 
 /// One sum of three sines with phases of its own; its largest value is at most 1.
@@ -38,14 +42,24 @@ fn sway(seed: u64, channel: u64, t: f64, rates_hz: [f64; 3]) -> f64 {
 
 impl Trajectory {
     /// `strength` scales all movement: 1 as held by hand, 0 on a tripod.
-    pub fn new(seed: u64, strength: f64) -> Self {
-        Self { seed, strength }
+    pub fn new(seed: u64, strength: f64, view: Subject) -> Self {
+        Self { seed, strength, view }
     }
 
     /// Camera to world at a true time, seconds.
     pub fn world_from_camera(&self, t: f64) -> Pose {
         let slow = |channel| self.strength * sway(self.seed, channel, t, [0.10, 0.21, 0.37]);
         let fast = |channel| self.strength * sway(self.seed, channel, t, [1.3, 2.6, 4.3]);
+        if self.view == Subject::Room {
+            // Before the table, at the height of a sitting head.
+            let eye = DVec3::new(-0.08 + 0.16 * slow(1), -1.18 + 0.08 * slow(2), 0.32 + 0.07 * slow(3))
+                + DVec3::new(fast(4), fast(5), fast(6)) * 0.002;
+            let target = DVec3::new(-0.16 + 0.03 * slow(7), 0.1, -0.22 + 0.02 * slow(9))
+                + DVec3::new(fast(8), 0.0, fast(10)) * 0.002;
+            let roll = (1.5 * slow(11) + 0.15 * fast(12)).to_radians();
+            let level = Pose::look_at(eye, target, DVec3::Z);
+            return Pose::new(level.rotation * DQuat::from_rotation_z(roll), eye);
+        }
         let azimuth = (-83.0 + 15.0 * slow(1)).to_radians();
         let distance = 0.62 + 0.035 * slow(2);
         let height = 0.43 + 0.045 * slow(3);

@@ -4,8 +4,29 @@ use crate::device::{DeviceError, parameters::Parameters};
 use crate::model::frame::Exposure;
 
 /// The keys, in the order of `Options`.
-pub const KEYS: [&str; 10] =
-    ["frames", "seed", "size", "fps", "exposures", "noise", "motion", "imu_offset_s", "texel_mm", "samples"];
+pub const KEYS: [&str; 11] = [
+    "frames",
+    "seed",
+    "size",
+    "fps",
+    "exposures",
+    "noise",
+    "motion",
+    "imu_offset_s",
+    "texel_mm",
+    "samples",
+    "view",
+];
+
+/// What the camera looks at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Subject {
+    /// The table's top, with the tag at the origin and the mirror ball beside it.
+    #[default]
+    Desk,
+    /// The table and the floor before and under it, with a larger tag on a board that stands on the table.
+    Room,
+}
 
 /// All that defines a run: equal options give equal pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +51,8 @@ pub struct Options {
     pub texel_mm: f64,
     /// Rays along each side of an edge pixel (key `samples`, 2..=16, default 4); the ball takes twice as many.
     pub samples: u32,
+    /// What the camera looks at (key `view`, `desk` or `room`, default `desk`).
+    pub view: Subject,
 }
 
 /// Shortest exposure, seconds.
@@ -48,6 +71,7 @@ impl Default for Options {
             imu_offset_s: 0.004,
             texel_mm: 1.0,
             samples: 4,
+            view: Subject::Desk,
         }
     }
 }
@@ -71,7 +95,13 @@ impl Options {
                 parse_exposures(text, 1.0 / fps).map_err(|why| p.refuse("exposures", text, &why))?
             }
         };
+        let view = match p.text("view") {
+            None | Some("desk") => Subject::Desk,
+            Some("room") => Subject::Room,
+            Some(other) => return Err(p.refuse("view", other, "must be desk or room")),
+        };
         Ok(Self {
+            view,
             frames: p.number("frames", d.frames, 1, 1_000_000, " frames")?,
             seed: p.number("seed", d.seed, 0, u64::MAX, "")?,
             size,
@@ -130,6 +160,7 @@ mod tests {
             ("exposures=1", "0.033333 s"),
             ("frames=0", "1..=1000000"),
             ("noise=NaN", "0..=10"),
+            ("view=garden", "must be desk or room"),
             ("exposure=1/60", "did you mean \"exposures\""),
         ] {
             let error = Options::parse(text).unwrap_err().to_string();

@@ -7,6 +7,10 @@ use glam::{DVec2, DVec3};
 pub const TAG_SIDE_M: f64 = 0.10;
 /// Side of the white paper that the tag is printed on, metres.
 pub const PAPER_SIDE_M: f64 = 0.15;
+/// Side of the board that stands on the table in the view of the room, and of the black square on it, metres.
+pub const BOARD_SIDE_M: f64 = 0.32;
+/// Side of its black square.
+pub const BOARD_TAG_SIDE_M: f64 = 0.24;
 /// The code of tag36h11 number 0: 36 bits, the first one highest.
 const TAG_CODE: u64 = 0xd_7e00_984b;
 const BLACK_INK: DVec3 = DVec3::new(0.035, 0.035, 0.038);
@@ -21,6 +25,10 @@ pub enum Paint {
     Mottled(DVec3, f64),
     /// The table's top: boards along x, and the paper with the tag at the origin.
     TableTop,
+    /// The same boards without the tag.
+    BareTable,
+    /// A white square with the tag on it, seen upright from the smaller y; the back is white.
+    TagBoard,
     /// Boards; width and length in metres, light and dark tone.
     Boards(f64, f64, DVec3, DVec3),
     /// A wall with a skirting board at its foot.
@@ -53,6 +61,11 @@ impl Paint {
                 rgb * (1.0 + share * (2.0 * fine(7, at.x * 90.0, at.y * 90.0) - 1.0))
             }
             Self::TableTop => table_top(point),
+            Self::BareTable => bare_table(point.truncate()),
+            Self::TagBoard => {
+                let from_middle = (uv - 0.5) * size;
+                paper(DVec2::new(from_middle.x, -from_middle.y), BOARD_TAG_SIDE_M)
+            }
             Self::Boards(width, length, light, dark) => boards(point.truncate(), width, length, light, dark),
             Self::Wall(rgb) => {
                 if at.y < 0.07 {
@@ -115,11 +128,20 @@ fn table_top(point: DVec3) -> DVec3 {
     let p = point.truncate();
     if p.x.abs() < PAPER_SIDE_M / 2.0 && p.y.abs() < PAPER_SIDE_M / 2.0 {
         // The tag's picture has x to the right and y down; the world's y points up in it.
-        let cell = (DVec2::new(p.x, -p.y) + TAG_SIDE_M / 2.0) * (8.0 / TAG_SIDE_M);
-        let inside = cell.min_element() >= 0.0 && cell.max_element() < 8.0;
-        let black = inside && !tag_whites()[cell.y as usize * 8 + cell.x as usize];
-        return if black { BLACK_INK } else { WHITE_PAPER };
+        return paper(DVec2::new(p.x, -p.y), TAG_SIDE_M);
     }
+    bare_table(p)
+}
+
+/// White paper with the tag in the middle; `at` is x to the right and y down from there, metres.
+fn paper(at: DVec2, side_m: f64) -> DVec3 {
+    let cell = (at + side_m / 2.0) * (8.0 / side_m);
+    let inside = cell.min_element() >= 0.0 && cell.max_element() < 8.0;
+    let black = inside && !tag_whites()[cell.y as usize * 8 + cell.x as usize];
+    if black { BLACK_INK } else { WHITE_PAPER }
+}
+
+fn bare_table(p: DVec2) -> DVec3 {
     boards(p, 0.125, 1.7, DVec3::new(0.47, 0.32, 0.19), DVec3::new(0.30, 0.185, 0.10))
 }
 

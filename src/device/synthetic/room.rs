@@ -3,6 +3,7 @@
 use super::{
     bake::{FaceLight, Fineness, bake},
     furnish,
+    options::Subject,
     paint::Paint,
     shapes::{Meeting, Shape, passes},
 };
@@ -195,8 +196,8 @@ pub struct Hit {
 
 impl Room {
     /// The furnished room with all its light baked.
-    pub fn new(fineness: Fineness) -> Self {
-        let plan = furnish::furnish();
+    pub fn new(view: Subject, fineness: Fineness) -> Self {
+        let plan = furnish::furnish(view);
         let position = |test: &dyn Fn(&Solid) -> bool| plan.solids.iter().position(test).unwrap_or(0);
         let mut room = Self {
             table_top: (plan.table, 5),

@@ -1,9 +1,10 @@
 //! Whether what a caller asks for fits together.
 
+use super::room::RoomWork;
 use crate::engine::{EngineError, LightJob, RelightInput};
 use crate::light::maps;
 use crate::math::sh::MAX_ORDER;
-use crate::model::quality::Quality;
+use crate::model::{quality::Quality, scene::Scene};
 use crate::plan::FramePlan;
 
 /// Whether light can be read from a job.
@@ -23,6 +24,16 @@ pub fn check_light(job: &LightJob<'_>, quality: &Quality) -> Result<(), EngineEr
         ))),
         _ => Ok(()),
     }
+}
+
+/// Whether the room that a scene stands in was loaded.
+pub fn check_room(scene: &Scene, room: &RoomWork) -> Result<(), EngineError> {
+    if scene.room.is_some() && room.known().is_none() {
+        return Err(EngineError::Input(
+            "the scene stands in a known room that the engine was not given".into(),
+        ));
+    }
+    Ok(())
 }
 
 /// Whether the parts of a frame fit together.

@@ -44,6 +44,10 @@ pub const WORKGROUP_MEMORY_BYTES: u32 = 16 << 10;
 /// Invocations of one workgroup at most.
 pub const WORKGROUP_INVOCATIONS: u32 = 128;
 
+/// How often the device is waited for: on GL an indefinite wait ends after 4.3 s, which a software driver on a busy
+/// machine may need.
+const WAITS: u32 = 15;
+
 /// An adapter that was found, and whether it can do the work.
 #[derive(Clone, Debug)]
 pub struct AdapterReport {
@@ -160,11 +164,16 @@ impl GpuContext {
         }
     }
 
-    /// Waits until all submitted work is done.
+    /// Waits until all submitted work is done; about a minute at most on GL.
     pub fn wait(&self, pass: &'static str) -> Result<(), EngineError> {
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|error| EngineError::Gpu { pass, reason: error.to_string() })?;
+        let mut outcome = Err(wgpu::PollError::Timeout);
+        for _ in 0..WAITS {
+            outcome = self.device.poll(wgpu::PollType::wait_indefinitely());
+            if !matches!(outcome, Err(wgpu::PollError::Timeout)) {
+                break;
+            }
+        }
+        outcome.map_err(|error| EngineError::Gpu { pass, reason: error.to_string() })?;
         self.check(pass)
     }
 }
@@ -225,7 +234,7 @@ fn missing(adapter: &wgpu::Adapter) -> Vec<String> {
         ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size, WORKGROUP_MEMORY_BYTES),
         ("invocations a workgroup", limits.max_compute_invocations_per_workgroup, WORKGROUP_INVOCATIONS),
         ("texels of texture size", limits.max_texture_dimension_2d, 2048),
-        ("sampled textures a stage", limits.max_sampled_textures_per_shader_stage, 4),
+        ("sampled textures a stage", limits.max_sampled_textures_per_shader_stage, 6),
     ];
     for (what, has, needed) in at_least {
         need(has >= needed, format!("{needed} {what} (it has {has})"));

@@ -4,6 +4,7 @@ use super::{
     context::{Backend, GpuContext},
     kernels::TABLE,
     passes::{merge_bracket::MergeBracket, project_sh::ProjectSh, unwrap_ball::UnwrapBall},
+    point_pages::Spread,
     recorder::Timer,
     relight::{Relighter, ready},
 };
@@ -24,8 +25,10 @@ use crate::{
         response::Response,
         scene::Scene,
     },
+    nearfield::prepare::KnownRoom,
     plan::{FramePlan, Pass, PassTiming},
 };
+use std::sync::Arc;
 
 /// The engine on wgpu. Kernels are compiled when they are first called for.
 pub struct GpuEngine {
@@ -73,6 +76,12 @@ impl GpuEngine {
             self.on_cpu[known.pass as usize] = true;
         }
         Ok(self)
+    }
+
+    /// Draws the near lights of a known room all together, or each in passes of its own.
+    pub fn with_near_lights(mut self, spread: Spread) -> Self {
+        self.relighter.spread = spread;
+        self
     }
 
     /// Where the work runs.
@@ -127,9 +136,13 @@ impl Engine for GpuEngine {
         format!("gpu: {}{on_cpu}", self.context.description())
     }
 
-    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
-        self.relighter.load(scene);
+    fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError> {
+        self.relighter.take_room(room);
         Ok(())
+    }
+
+    fn load_scene(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        self.relighter.load(scene)
     }
 
     fn merge_bracket(

@@ -7,6 +7,7 @@ use super::{
     buffers::{GrowingBuffer, Readback, whole_words},
     context::GpuContext,
     kernel::Resource,
+    point_pages::PointPages,
     recorder::Recorder,
     textures::{KeptLayers, KeptTexture},
 };
@@ -50,6 +51,8 @@ impl Place {
 pub struct Exchange {
     /// Depth along each hard light.
     pub shadow_maps: KeptLayers,
+    /// Depths from the near lights of a known room.
+    pub point_maps: PointPages,
     /// Objects over nothing.
     pub object_layer: KeptTexture,
     /// What is left of the light on real surfaces.
@@ -61,6 +64,8 @@ pub struct Exchange {
     readback: Readback,
     /// Where the shadow maps are.
     pub shadow_place: Place,
+    /// Where the near lights' maps are.
+    pub point_place: Place,
     /// Where the soft shadows are.
     pub soft_place: Place,
     /// Where the object layer is.
@@ -76,12 +81,14 @@ impl Exchange {
     pub const fn new() -> Self {
         Self {
             shadow_maps: KeptLayers::result("shadow maps", SHADOW_MAP_FORMAT),
+            point_maps: PointPages::new(),
             object_layer: KeptTexture::result("object layer", OBJECT_LAYER_FORMAT),
             ratios: KeptTexture::result("ratios", RATIOS_FORMAT),
             soft: KeptTexture::result("soft shadows", RATIOS_FORMAT),
             radiance: GrowingBuffer::storage("composed radiance"),
             readback: Readback::new("composed radiance"),
             shadow_place: Place::Nowhere,
+            point_place: Place::Nowhere,
             soft_place: Place::Nowhere,
             object_place: Place::Nowhere,
             ratio_place: Place::Nowhere,
@@ -92,6 +99,7 @@ impl Exchange {
     /// A new frame: nothing is made yet.
     pub fn begin(&mut self) {
         self.shadow_place = Place::Nowhere;
+        self.point_place = Place::Nowhere;
         self.soft_place = Place::Nowhere;
         self.object_place = Place::Nowhere;
         self.ratio_place = Place::Nowhere;
@@ -137,6 +145,28 @@ impl Exchange {
         }
         let missing = || EngineError::Gpu { pass: "visibility/shadow_maps", reason: "no texture".into() };
         self.shadow_maps.bind(context).ok_or_else(missing)
+    }
+
+    /// Brings the near lights' maps to the twins.
+    pub fn points_to_host(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        twins: &mut Work,
+    ) -> Result<(), EngineError> {
+        if self.point_place == Place::Device {
+            recorder.submit();
+            self.point_maps.download(recorder.context, twins.room.frame.maps_mut())?;
+            self.point_place = Place::Both;
+        }
+        Ok(())
+    }
+
+    /// Brings the near lights' maps to the device.
+    pub fn points_to_device(&mut self, recorder: &Recorder<'_>, twins: &Work) {
+        if self.point_place == Place::Host {
+            self.point_maps.upload(recorder.context, twins.room.frame.maps());
+            self.point_place = Place::Both;
+        }
     }
 
     /// Brings the soft shadows to the twins.

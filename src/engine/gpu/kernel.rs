@@ -72,7 +72,15 @@ impl Kernel {
 
     /// Whether it draws (has vertex and fragment stages) rather than computes.
     pub const fn draws(&self) -> bool {
-        matches!(self.pass, Pass::ShadowMaps | Pass::SoftShadow | Pass::ShadeObject | Pass::ShadeSurface)
+        matches!(
+            self.pass,
+            Pass::ShadowMaps
+                | Pass::SoftShadow
+                | Pass::PointMaps
+                | Pass::Subtract
+                | Pass::ShadeObject
+                | Pass::ShadeSurface
+        )
     }
 
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {
@@ -168,6 +176,16 @@ impl Built {
         context: &GpuContext,
         drawing: &Drawing<'_>,
     ) -> Result<wgpu::RenderPipeline, EngineError> {
+        self.blending(context, drawing, None)
+    }
+
+    /// The same; with `blend`, over what is of the same depth, which stays.
+    pub fn blending(
+        &self,
+        context: &GpuContext,
+        drawing: &Drawing<'_>,
+        blend: Option<wgpu::BlendState>,
+    ) -> Result<wgpu::RenderPipeline, EngineError> {
         let options = || wgpu::PipelineCompilationOptions {
             constants: drawing.constants,
             ..wgpu::PipelineCompilationOptions::default()
@@ -178,7 +196,7 @@ impl Built {
             attributes: drawing.attributes,
         })];
         let targets =
-            [Some(wgpu::ColorTargetState { format: drawing.color, blend: None, write_mask: drawing.write })];
+            [Some(wgpu::ColorTargetState { format: drawing.color, blend, write_mask: drawing.write })];
         let pipeline = context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(self.name()),
             layout: Some(&self.pipeline_layout),
@@ -191,7 +209,7 @@ impl Built {
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: wgpu::TextureFormat::Depth32Float,
-                depth_write_enabled: Some(true),
+                depth_write_enabled: Some(blend.is_none()),
                 depth_compare: Some(drawing.nearer),
                 stencil: wgpu::StencilState::default(),
                 bias: wgpu::DepthBiasState::default(),

@@ -96,7 +96,59 @@ pub const SOFT_SHADOW: Kernel = Kernel {
     ],
 };
 
-/// `compose/shade_object`: real surfaces into the depth, then objects, four samples a pixel.
+/// `visibility/point_maps`: depths of the stand-ins from many lights at once, an instance and a tile each.
+pub const POINT_MAPS: Kernel = Kernel {
+    pass: Pass::PointMaps,
+    sources: &[source!("shared/point_camera"), source!("visibility/point_maps")],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("page", BindingKind::UniformAtOffset),
+    ],
+    structs: &[params::PointCamera::LAYOUT, params::PointCameras::LAYOUT, params::PointPage::LAYOUT],
+};
+
+/// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio. `fragment` loops over its
+/// lights; the others draw one light after the other, as in [Gib03].
+pub const SUBTRACT: Kernel = Kernel {
+    pass: Pass::Subtract,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/point_camera"),
+        source!("shared/point_lookup"),
+        source!("nearfield/subtract"),
+    ],
+    entries: &["vertex", "fragment", "nearest_room", "one_light", "after_all"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("cameras_near", BindingKind::Uniform),
+        Binding::new("lights", BindingKind::Uniform),
+        Binding::new("point_maps", BindingKind::UintLayers),
+        Binding::new("ranges", BindingKind::Uints),
+        Binding::new("listed", BindingKind::Floats),
+        Binding::new("suns", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("room_cameras", BindingKind::Uniform),
+        Binding::new("room_maps", BindingKind::UintLayers),
+        Binding::new("turn", BindingKind::UniformAtOffset),
+        Binding::new("taken", BindingKind::Floats),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::PointCamera::LAYOUT,
+        params::PointCameras::LAYOUT,
+        params::PointLights::LAYOUT,
+        params::SunTerms::LAYOUT,
+        params::Turn::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+    ],
+};
+
+/// `compose/shade_object`: real surfaces and objects into the depth, then objects, four samples a pixel.
 pub const SHADE_OBJECT: Kernel = Kernel {
     pass: Pass::ShadeObject,
     sources: &[
@@ -109,7 +161,7 @@ pub const SHADE_OBJECT: Kernel = Kernel {
         source!("shared/surroundings"),
         source!("compose/shade_object"),
     ],
-    entries: &["vertex", "fragment", "surface_vertex", "surface_fragment"],
+    entries: &["vertex", "fragment", "depth_vertex", "surface_vertex", "depth_fragment"],
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("light", BindingKind::Uniform),
@@ -189,12 +241,14 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 9] = [
+pub const TABLE: [&Kernel; 11] = [
     &MERGE_BRACKET,
     &UNWRAP_BALL,
     &PROJECT_SH,
     &SHADOW_MAPS,
     &SOFT_SHADOW,
+    &POINT_MAPS,
+    &SUBTRACT,
     &SHADE_OBJECT,
     &SHADE_SURFACE,
     &COMPOSITE,

@@ -7,8 +7,10 @@ pub mod kernel;
 pub mod kernels;
 pub mod params;
 mod passes;
+mod point_pages;
 mod recorder;
 mod relight;
+mod room_mesh;
 mod scene;
 mod surroundings;
 mod textures;
@@ -18,3 +20,4 @@ mod engine;
 
 pub use context::Backend;
 pub use engine::GpuEngine;
+pub use point_pages::Spread;

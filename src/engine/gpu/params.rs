@@ -4,6 +4,7 @@
 use crate::{
     compose::reflected::{MOST_SPHERES, MOST_TRIANGLES},
     model::light::MAX_HARD_LIGHTS,
+    nearfield::frame::MOST_LIGHTS,
     visibility::blockers::{BlockerTables, BlockerTerms},
 };
 
@@ -241,6 +242,64 @@ shared_struct! {
 }
 
 shared_struct! {
+    /// A near light's camera, `shared/point_camera`. Twin: `visibility::point_maps::PointCamera`.
+    PointCamera {
+        /// World metres to column times w, texels.
+        column: [f32; 4],
+        /// World metres to row times w, texels.
+        row: [f32; 4],
+        /// World metres to w, metres along the axis.
+        forward: [f32; 4],
+        /// The light's place, and the near plane's distance (0: no map), metres.
+        place_near: [f32; 4],
+    }
+}
+
+shared_struct! {
+    /// The cameras of all near lights.
+    PointCameras {
+        /// One for each.
+        cameras: [PointCamera; MOST_LIGHTS],
+    }
+}
+
+shared_struct! {
+    /// The maps that one pass of `visibility/point_maps` draws.
+    PointPage {
+        /// First light, tiles a side, texels a side of a tile, 0.
+        first_tiles_texels: [u32; 4],
+    }
+}
+
+shared_struct! {
+    /// The extents of all near lights, `shared/point_lookup`. Twin: `visibility::point_maps::LightPlaces`.
+    PointLights {
+        /// Tiles a side of a page, maps a page, texels a side of a map, places a side of each light.
+        tiles_maps_texels_side: [u32; 4],
+        /// Half axes in the camera's axes, metres; the first one's fourth is the texel's side one metre off, metres.
+        half_axes: [[[f32; 4]; 2]; MOST_LIGHTS],
+    }
+}
+
+shared_struct! {
+    /// Which light a pass of `nearfield/subtract` takes away.
+    Turn {
+        /// Its number, or 0xffff for the suns; 0, 0, 0.
+        light: [u32; 4],
+    }
+}
+
+shared_struct! {
+    /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun`.
+    SunTerms {
+        /// Suns, 0, 0, 0.
+        counts: [u32; 4],
+        /// Unit vector towards each (world frame), and its irradiance.
+        suns: [[[f32; 4]; 2]; MAX_HARD_LIGHTS],
+    }
+}
+
+shared_struct! {
     /// A material, `compose/shade_object`. Twin: `compose::geometry::MaterialTerms`.
     MaterialTerms {
         /// Diffuse albedo.
@@ -259,7 +318,7 @@ shared_struct! {
     Surroundings {
         /// Spheres, triangles, levels, flags.
         counts: [u32; 4],
-        /// Exponent above which lobes are read from the levels, 1 for the paper's Phong norm.
+        /// 1 for the paper's Phong norm, 0, 0, 0.
         settings: [f32; 4],
         /// First row and texels a side of the picture and its levels.
         levels: [[u32; 4]; 12],
@@ -322,4 +381,20 @@ pub struct SurfaceVertex {
     pub position: [f32; 4],
     /// Unit.
     pub normal: [f32; 3],
+}
+
+/// A corner of a triangle of a real surface; triangles share none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct RoomVertex {
+    /// World frame, metres.
+    pub position: [f32; 3],
+    /// The facet's, unit.
+    pub normal: [f32; 3],
+    /// All light of the room that arrives, irradiance over pi.
+    pub gathered: [f32; 3],
+    /// Weights of the triangle's first two corners.
+    pub weights: [f32; 2],
+    /// Number of the triangle in the room, `u32::MAX` elsewhere.
+    pub triangle: u32,
 }

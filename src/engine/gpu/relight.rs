@@ -7,13 +7,17 @@ use super::{
     params,
     passes::{
         composite::{Composite, Layers},
+        point_maps::PointMaps,
         shade_object::{Frame, ShadeObject},
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
         soft_shadow::{Soft, SoftShadow},
+        subtract::{Subtract, Subtraction},
         tonemap::Tonemap,
     },
+    point_pages::Spread,
     recorder::{Recorder, Timer},
+    room_mesh::RoomMesh,
     scene::SceneBuffers,
     view::{self, LensDomain},
 };
@@ -25,8 +29,10 @@ use crate::{
     },
     engine::{EngineError, RelightInput, cpu},
     model::{picture::Picture, quality::SoftAt, scene::Scene},
+    nearfield::prepare::KnownRoom,
     plan::{FramePlan, Pass},
 };
+use std::sync::Arc;
 
 /// The kernel in a slot, compiled on first use.
 pub fn ready<'a, K>(
@@ -44,10 +50,15 @@ pub fn ready<'a, K>(
 pub struct Relighter {
     twins: cpu::Work,
     scene: SceneBuffers,
+    room_mesh: RoomMesh,
+    /// How near lights' maps are spread over passes.
+    pub spread: Spread,
     domain: LensDomain,
     exchange: Exchange,
     shadow_maps: Option<ShadowMaps>,
     soft_shadow: Option<SoftShadow>,
+    point_maps: Option<PointMaps>,
+    subtract: Option<Subtract>,
     shade_object: Option<ShadeObject>,
     shade_surface: Option<ShadeSurface>,
     composite: Option<Composite>,
@@ -61,10 +72,14 @@ impl Relighter {
         Self {
             twins: cpu::Work::default(),
             scene: SceneBuffers::new(),
+            room_mesh: RoomMesh::new(),
+            spread: Spread::default(),
             domain: LensDomain::default(),
             exchange: Exchange::new(),
             shadow_maps: None,
             soft_shadow: None,
+            point_maps: None,
+            subtract: None,
             shade_object: None,
             shade_surface: None,
             composite: None,
@@ -74,9 +89,20 @@ impl Relighter {
     }
 
     /// Takes the scene; it goes to the device with the next frame.
-    pub fn load(&mut self, scene: &Scene) {
+    pub fn load(&mut self, scene: &Scene) -> Result<(), EngineError> {
+        cpu::check_room(scene, &self.twins.room)?;
         self.twins.load(scene);
         self.scene.invalidate();
+        self.room_mesh.invalidate();
+        Ok(())
+    }
+
+    /// Takes a known room, or none, for the scenes to come.
+    pub fn take_room(&mut self, room: Option<Arc<KnownRoom>>) {
+        self.twins.room.take(room);
+        if let Some(subtract) = &mut self.subtract {
+            subtract.invalidate();
+        }
     }
 
     /// Draws one frame; `on_cpu` says which passes run on their twins.
@@ -106,13 +132,19 @@ impl Relighter {
                 self.scene.moved(vertices.clone());
             }
         }
-        if plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject) {
+        let shades_objects = plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject);
+        // Objects in a known room are lit at their vertices, here, through the maps; so those are drawn here too.
+        let maps_drawn = plan.has(Pass::PointMaps) && shades_objects;
+        if maps_drawn {
+            timer.host(Pass::PointMaps, || self.twins.point_maps(input, quality));
+        }
+        if shades_objects {
             self.twins.prepare_vertices(input, &camera, &light, quality);
             for vertices in self.twins.transferred.changed() {
                 self.scene.moved(vertices);
             }
         }
-        if [Pass::ShadowMaps, Pass::SoftShadow, Pass::ShadeObject, Pass::ShadeSurface]
+        if [Pass::ShadowMaps, Pass::SoftShadow, Pass::Subtract, Pass::ShadeObject, Pass::ShadeSurface]
             .iter()
             .any(|&p| plan.has(p) && !on_cpu(p))
         {
@@ -184,7 +216,55 @@ impl Relighter {
                         exchange.soft_place = Place::Device;
                     }
                 }
+                Pass::PointMaps if host => {
+                    if !maps_drawn {
+                        recorder.host(pass, || twins.point_maps(input, quality));
+                    }
+                    exchange.point_place = Place::Host;
+                }
+                Pass::PointMaps => {
+                    if !maps_drawn {
+                        recorder.host(pass, || twins.room.find_lights(&twins.objects, input, quality));
+                    }
+                    let kernel = ready(&mut self.point_maps, context, PointMaps::new)?;
+                    let (frame, triangles) = (&twins.room.frame, twins.room.casters());
+                    kernel.run(&mut recorder, frame, triangles, self.spread, &mut exchange.point_maps)?;
+                    exchange.point_place = Place::Device;
+                }
+                Pass::Subtract => {
+                    let is_drawn = maps_drawn || exchange.point_place == Place::Host;
+                    if !host {
+                        recorder.host(pass, || twins.room.list(is_drawn));
+                    }
+                    if host || !Subtract::holds(context, &twins.room.frame) {
+                        exchange.points_to_host(&mut recorder, twins)?;
+                        exchange.shadow_to_host(&mut recorder, twins)?;
+                        recorder.host(pass, || twins.subtract(input, &camera, &light, quality));
+                        exchange.ratio_place = Place::Host;
+                    } else if let Some(known) = twins.room.known() {
+                        exchange.points_to_device(&recorder, twins);
+                        let cut = self.domain.cut(input.lens, &camera);
+                        let of_room = twins.room.triangles();
+                        let gathered = &known.field.gathered_rgb;
+                        self.room_mesh.update(context, &twins.surfaces, of_room, gathered, cut);
+                        let with = Subtraction {
+                            view: &view_params,
+                            frame: &twins.room.frame,
+                            first: of_room.0,
+                            triangles: of_room.1,
+                            suns: &twins.room.suns,
+                            sun_cameras: &cameras,
+                            sun_maps: exchange.shadow_to_device(&recorder, twins)?,
+                            spread: self.spread,
+                        };
+                        let kernel = ready(&mut self.subtract, context, Subtract::new)?;
+                        let (pages, ratios) = (&mut exchange.point_maps, &mut exchange.ratios);
+                        kernel.run(&mut recorder, &with, &mut self.room_mesh, pages, ratios)?;
+                        exchange.ratio_place = Place::Device;
+                    }
+                }
                 Pass::ShadeObject if host => {
+                    exchange.points_to_host(&mut recorder, twins)?;
                     exchange.shadow_to_host(&mut recorder, twins)?;
                     recorder.host(pass, || {
                         twins.shade_object(input, &camera, &light, quality);

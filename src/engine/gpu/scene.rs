@@ -29,14 +29,15 @@ const SHORTEST_CUT_M: f32 = 1e-3;
 const MOST_TRIANGLES: usize = 400_000;
 
 /// Indexed triangles on the device.
-struct Mesh {
+pub struct Mesh {
     vertices: GrowingBuffer,
     indices: GrowingBuffer,
     count: u32,
 }
 
 impl Mesh {
-    const fn new() -> Self {
+    /// None yet.
+    pub const fn new() -> Self {
         let usage = wgpu::BufferUsages::VERTEX;
         Self {
             vertices: GrowingBuffer::new("vertices", usage),
@@ -45,10 +46,34 @@ impl Mesh {
         }
     }
 
-    fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
+    /// Uploads.
+    pub fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
         self.vertices.write(context, bytemuck::cast_slice(vertices));
         self.indices.write(context, bytemuck::cast_slice(triangles));
         self.count = 3 * triangles.len() as u32;
+    }
+
+    /// Draws all of it, so many times.
+    pub fn draw(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>, instances: u32) {
+        if self.count > 0 && instances > 0 {
+            self.bind(context, pass);
+            pass.draw_indexed(0..self.count, 0, 0..instances);
+        }
+    }
+
+    /// Draws triangles of its vertices by other indices.
+    pub fn draw_indices(
+        &mut self,
+        context: &GpuContext,
+        pass: &mut wgpu::RenderPass<'_>,
+        indices: &wgpu::Buffer,
+        range: Range<u32>,
+    ) {
+        if !range.is_empty() {
+            pass.set_vertex_buffer(0, self.vertices.at_least(context, 0).slice(..));
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(range, 0, 0..1);
+        }
     }
 
     fn bind(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
@@ -94,6 +119,8 @@ pub struct SceneBuffers {
     /// For each object its indices and its material.
     draws: Vec<(Range<u32>, u32)>,
     materials: GrowingBuffer,
+    /// Of each material the specular reflectance and the exponent.
+    shine: Vec<([f32; 3], f32)>,
     /// Whether the scene is there, and for what it was cut.
     uploaded: Option<Option<Cut>>,
     /// Vertices that have moved since.
@@ -116,6 +143,7 @@ impl SceneBuffers {
             surfaces: Mesh::new(),
             draws: Vec::new(),
             materials: GrowingBuffer::uniform("materials"),
+            shine: Vec::new(),
             uploaded: None,
             moved: Vec::new(),
             vertices: Vec::new(),
@@ -221,6 +249,8 @@ impl SceneBuffers {
             slot[..size_of::<MaterialTerms>()].copy_from_slice(bytemuck::bytes_of(&terms));
         }
         self.materials.write(context, &bytes);
+        self.shine.clear();
+        self.shine.extend(objects.materials.iter().map(|m| (m.specular_rgb, m.exponent)));
     }
 
     fn upload_surfaces(&mut self, context: &GpuContext, surfaces: &SurfaceGeometry, cut: Option<Cut>) {
@@ -251,15 +281,17 @@ impl SceneBuffers {
         self.materials.at_least(context, 0).clone()
     }
 
-    /// Draws all that casts shadows.
-    pub fn draw_casters(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.casters.count > 0 {
-            self.casters.bind(context, pass);
-            pass.draw_indexed(0..self.casters.count, 0, 0..1);
-        }
+    /// Specular reflectance and exponent of each material.
+    pub fn shine(&self) -> &[([f32; 3], f32)] {
+        &self.shine
     }
 
-    /// Draws the objects of one material after the other; `select` binds a material by its number.
+    /// Draws all that casts shadows.
+    pub fn draw_casters(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
+        self.casters.draw(context, pass, 1);
+    }
+
+    /// Draws the objects of one material after the other; `select` is told each material's number first.
     pub fn draw_objects(
         &mut self,
         context: &GpuContext,
@@ -279,10 +311,7 @@ impl SceneBuffers {
 
     /// Draws all real surfaces.
     pub fn draw_surfaces(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.surfaces.count > 0 {
-            self.surfaces.bind(context, pass);
-            pass.draw_indexed(0..self.surfaces.count, 0, 0..1);
-        }
+        self.surfaces.draw(context, pass, 1);
     }
 
     /// Uploads the grid of a frame; `cut`: if the lens has distortion.
@@ -301,10 +330,7 @@ impl SceneBuffers {
 
     /// Draws the grid.
     pub fn draw_grid(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
-        if self.grid.count > 0 {
-            self.grid.bind(context, pass);
-            pass.draw_indexed(0..self.grid.count, 0, 0..1);
-        }
+        self.grid.draw(context, pass, 1);
     }
 
     /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
@@ -346,7 +372,8 @@ fn box_around(positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
     Some(finite.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
 }
 
-fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+/// Half way between.
+pub fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
 }
 
@@ -377,7 +404,7 @@ impl Halve for SurfaceVertex {
 }
 
 /// Halves every edge that looks longer than a limit from the eye, and leaves out what is not in view.
-fn cut_long_edges<V: Halve, T: Copy>(
+pub fn cut_long_edges<V: Halve, T: Copy>(
     halving: &mut Halving,
     vertices: &mut Vec<V>,
     triangles: &[([u32; 3], T)],

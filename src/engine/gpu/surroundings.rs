@@ -7,7 +7,6 @@ use crate::{
     model::environment::{EnvironmentPicture, OctahedralMap},
 };
 
-const HAS_PICTURE: u32 = 1;
 const HOLDS_HARD_LIGHTS: u32 = 2;
 
 /// The uniform and the texture; the picture goes to the device when it has changed.
@@ -38,12 +37,11 @@ impl SurroundingsBuffers {
         let (spheres, triangles) = (reflected.spheres(), reflected.largest_triangles());
         let picture = surroundings.picture;
         let terms = &mut *self.terms;
-        let flags =
-            picture.map_or(0, |p| HAS_PICTURE | if p.holds_hard_lights { HOLDS_HARD_LIGHTS } else { 0 });
+        let flags = picture.map_or(0, |p| if p.holds_hard_lights { HOLDS_HARD_LIGHTS } else { 0 });
         let levels = picture.map_or(0, |p| p.glossy.len().min(terms.levels.len() - 1));
         terms.counts = [spheres.len() as u32, triangles.len() as u32, levels as u32, flags];
         let paper = if surroundings.norm == PhongNorm::Paper { 1.0 } else { 0.0 };
-        terms.settings = [surroundings.sharp_above, paper, 0.0, 0.0];
+        terms.settings = [paper, 0.0, 0.0, 0.0];
         for (slot, seen) in terms.spheres.iter_mut().zip(spheres) {
             let [r, g, b] = seen.rgb;
             let place = seen.sphere.centre_world.extend(seen.sphere.radius_m);

@@ -7,7 +7,8 @@ use crate::{
     compose::{raster, shade_object},
     math::lens::{Distortion, Lens},
     model::{light::MAX_HARD_LIGHTS, response::Response},
-    visibility::shadow_maps,
+    nearfield::{frame::NearFrame, sun_shadows::SunShadows},
+    visibility::{point_maps, shadow_maps},
 };
 
 /// Steps of the search for the largest radius that a lens takes.
@@ -194,6 +195,51 @@ fn shadow(camera: Option<&shadow_maps::ShadowCamera>, taps: u32) -> params::Shad
         texel_depth_m: [camera.texel_m, camera.depth_m, 0.0, 0.0],
         texels_taps: [camera.texels, taps, 0, 0],
     })
+}
+
+/// The cameras of near lights; where one has none everything is lit.
+pub fn near_cameras(cameras: &[Option<point_maps::PointCamera>], out: &mut params::PointCameras) {
+    for (slot, camera) in out.cameras.iter_mut().zip(cameras) {
+        *slot = camera.as_ref().map_or(bytemuck::Zeroable::zeroed(), |camera| {
+            let [column, row, forward] = camera.rows;
+            let [x, y, z] = camera.place_world.to_array();
+            params::PointCamera { column, row, forward, place_near: [x, y, z, camera.near_m] }
+        });
+    }
+}
+
+/// Their extents, and how their maps are spread: tiles a side of a page, maps a page, texels a side of a map.
+pub fn near_lights(frame: &NearFrame, [tiles, maps, texels]: [u32; 3], out: &mut params::PointLights) {
+    let side = frame.places().first().map_or(1, |places| places.side);
+    out.tiles_maps_texels_side = [tiles, maps, texels, side];
+    let lights = frame.places().iter().zip(frame.maps().cameras());
+    for (slot, (places, camera)) in out.half_axes.iter_mut().zip(lights) {
+        let texel = camera.as_ref().map_or(1.0, |camera| camera.texel);
+        let [[a, b, c], v] = places.half_axes;
+        *slot = [[a, b, c, texel], rgb4(v)];
+    }
+}
+
+/// The suns of a known room.
+pub fn suns(suns: &SunShadows) -> params::SunTerms {
+    let mut terms: params::SunTerms = bytemuck::Zeroable::zeroed();
+    terms.counts[0] = suns.len().min(MAX_HARD_LIGHTS) as u32;
+    for (k, slot) in terms.suns.iter_mut().enumerate() {
+        if let Some((light, _)) = suns.get(k) {
+            *slot = [rgb4(light.to_light_world), rgb4(light.irradiance_rgb)];
+        }
+    }
+    terms
+}
+
+/// The cameras of the room's own maps under them.
+pub fn room_cameras(suns: &SunShadows) -> params::ShadowCameras {
+    let mut all: params::ShadowCameras = bytemuck::Zeroable::zeroed();
+    for (k, slot) in all.cameras.iter_mut().enumerate() {
+        let camera = suns.get(k).and_then(|(_, maps)| maps.cameras().first().and_then(Option::as_ref));
+        *slot = shadow(camera, 0);
+    }
+    all
 }
 
 /// What brings the camera's white, at the shown exposure, to 1: objects are kept as 16-bit floats.

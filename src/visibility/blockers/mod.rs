@@ -28,7 +28,8 @@ use caps::lanes_of;
 use directions::Directions;
 use glam::Vec3;
 
-/// Receivers that are taken side by side.
+/// Receivers that are taken side by side. Sixteen make a product cheaper and all else dearer, and in a frame most of the
+/// time is the caps': `linear` and `hybrid` at order 4 with 20 spheres took a tenth longer by sixteens.
 pub const LANES: usize = 8;
 
 /// Directions that the rung `directions` may test.

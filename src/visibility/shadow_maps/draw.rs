@@ -27,6 +27,12 @@ struct Vertex {
     depth: f32,
 }
 
+impl Vertex {
+    fn at([x, y, depth]: [f32; 3]) -> Self {
+        Self { x: (x * SUBTEXELS).round() as i32, y: (y * SUBTEXELS).round() as i32, depth }
+    }
+}
+
 impl ShadowMap {
     /// Depths, row by row; `EMPTY_DEPTH` where nothing is.
     pub fn depth(&self) -> &[f32] {
@@ -35,7 +41,7 @@ impl ShadowMap {
 
     /// Where casters are.
     #[inline(always)]
-    pub(super) fn reach(&self) -> &Reach {
+    pub(in crate::visibility) fn reach(&self) -> &Reach {
         &self.reach
     }
 
@@ -77,17 +83,26 @@ impl ShadowMap {
         triangles: &[[u32; 3]],
         band_rows: usize,
     ) {
-        let side = camera.texels as usize;
-        if self.depth.len() != side * side {
-            self.clear(side);
-        }
         self.vertices.resize(positions.len(), Vertex::default());
         self.vertices.par_chunks_mut(1024).zip(positions.par_chunks(1024)).for_each(|(out, positions)| {
             for (v, &p) in out.iter_mut().zip(positions) {
-                let [x, y, depth] = camera.map(p);
-                *v = Vertex { x: (x * SUBTEXELS).round() as i32, y: (y * SUBTEXELS).round() as i32, depth };
+                *v = Vertex::at(camera.map(p));
             }
         });
+        self.rasterise(camera.texels as usize, triangles, band_rows);
+    }
+
+    /// Takes vertices that are projected already: column and row in texels, and depth.
+    pub(in crate::visibility) fn set_vertices(&mut self, mapped: impl Iterator<Item = [f32; 3]>) {
+        self.vertices.clear();
+        self.vertices.extend(mapped.map(Vertex::at));
+    }
+
+    /// Draws triangles of the vertices into a map of `side` texels a side.
+    pub(in crate::visibility) fn rasterise(&mut self, side: usize, triangles: &[[u32; 3]], band_rows: usize) {
+        if self.depth.len() != side * side {
+            self.clear(side);
+        }
         let (vertices, last) = (&self.vertices, self.reach);
         let tile_rows = (band_rows / last.tile()).max(1);
         let bands = self.depth.par_chunks_mut((tile_rows * last.tile() * side).max(1));

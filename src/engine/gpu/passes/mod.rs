@@ -2,10 +2,12 @@
 
 pub mod composite;
 pub mod merge_bracket;
+pub mod point_maps;
 pub mod project_sh;
 pub mod shade_object;
 pub mod shade_surface;
 pub mod shadow_maps;
 pub mod soft_shadow;
+pub mod subtract;
 pub mod tonemap;
 pub mod unwrap_ball;

@@ -1,7 +1,7 @@
 //! `compose/shade_object` on the device. Twin: `compose::shade_object`, over `compose::raster`.
 
 use crate::{
-    compose::shade_object::Surroundings,
+    compose::{geometry::MIRROR_EXPONENT, shade_object::Surroundings},
     engine::{
         EngineError,
         gpu::{
@@ -22,17 +22,70 @@ use crate::{
 
 const PASS: Pass = Pass::ShadeObject;
 
-struct Pipelines {
-    objects: wgpu::RenderPipeline,
-    surfaces: wgpu::RenderPipeline,
+/// What a material is; the shader's constants in their order.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Matt,
+    Glossy,
+    Sharp,
+    Mirror,
+    BlurredMirror,
+}
+
+impl Kind {
+    fn of(surroundings: &Surroundings<'_>, specular_rgb: [f32; 3], exponent: f32) -> Self {
+        if exponent == MIRROR_EXPONENT {
+            if surroundings.picture.is_some() { Self::Mirror } else { Self::BlurredMirror }
+        } else if specular_rgb == [0.0; 3] {
+            Self::Matt
+        } else if surroundings.is_sharp(exponent) {
+            Self::Sharp
+        } else {
+            Self::Glossy
+        }
+    }
+}
+
+/// What a pipeline draws.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Draws {
+    /// Depth of real surfaces.
+    SurfaceDepth,
+    /// Depth of objects.
+    Depth,
+    /// Objects of a kind, under light with or without bands 4 and 5.
+    Objects(Kind, bool),
+}
+
+/// The pipelines made so far, with their samples a pixel.
+#[derive(Default)]
+struct Pipelines(Vec<(u32, Draws, wgpu::RenderPipeline)>);
+
+impl Pipelines {
+    fn get(&self, samples: u32, draws: Draws) -> Option<&wgpu::RenderPipeline> {
+        self.0.iter().find(|made| (made.0, made.1) == (samples, draws)).map(|made| &made.2)
+    }
+
+    fn make(
+        &mut self,
+        context: &GpuContext,
+        built: &Built,
+        samples: u32,
+        draws: Draws,
+    ) -> Result<(), EngineError> {
+        if self.get(samples, draws).is_none() {
+            self.0.push((samples, draws, pipeline(context, built, samples, draws)?));
+        }
+        Ok(())
+    }
 }
 
 /// The kernel.
 pub struct ShadeObject {
     built: Built,
-    /// With one and with four samples a pixel.
-    one: Option<Pipelines>,
-    four: Option<Pipelines>,
+    pipelines: Pipelines,
+    /// Of each material in a frame.
+    kinds: Vec<Kind>,
     view: GrowingBuffer,
     light: GrowingBuffer,
     cameras: GrowingBuffer,
@@ -43,12 +96,12 @@ pub struct ShadeObject {
 }
 
 impl ShadeObject {
-    /// Compiles the shader; pipelines follow when a number of samples is first asked for.
+    /// Compiles the shader; pipelines follow when they are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
             built: Built::new(context, &kernels::SHADE_OBJECT)?,
-            one: None,
-            four: None,
+            pipelines: Pipelines::default(),
+            kinds: Vec::new(),
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
             cameras: GrowingBuffer::uniform("shadow cameras"),
@@ -71,11 +124,21 @@ impl ShadeObject {
     ) -> Result<(), EngineError> {
         let context = recorder.context;
         let samples = if coverage_samples == 1 { 1 } else { 4 };
-        let slot = if samples == 1 { &mut self.one } else { &mut self.four };
-        if slot.is_none() {
-            *slot = Some(pipelines(context, &self.built, samples)?);
+        let has_high_bands = frame.light.order_hard[0] > 4;
+        self.kinds.clear();
+        let kind =
+            |(specular_rgb, exponent): &([f32; 3], f32)| Kind::of(surroundings, *specular_rgb, *exponent);
+        self.kinds.extend(scene.shine().iter().map(kind));
+        let objects = self.kinds.iter().map(|kind| Draws::Objects(*kind, has_high_bands));
+        for draws in [Draws::SurfaceDepth, Draws::Depth].into_iter().chain(objects) {
+            self.pipelines.make(context, &self.built, samples, draws)?;
         }
-        let Some(pipelines) = slot else { return Ok(()) };
+        let (pipelines, kinds) = (&self.pipelines, &self.kinds);
+        let set = |pass: &mut wgpu::RenderPass<'_>, draws| {
+            if let Some(pipeline) = pipelines.get(samples, draws) {
+                pass.set_pipeline(pipeline);
+            }
+        };
         let [seen, environment] = self.surroundings.write(context, surroundings);
         let resources = [
             self.view.write(context, bytemuck::bytes_of(frame.view)),
@@ -97,11 +160,14 @@ impl ShadeObject {
             cleared(self.samples.sized(context, width, height, samples), Some(layer), nothing)
         };
         recorder.draw(PASS, Targets { color, depth: Some((depth, 0.0)) }, |pass| {
-            pass.set_pipeline(&pipelines.surfaces);
+            set(pass, Draws::SurfaceDepth);
             pass.set_bind_group(0, group, &[0]);
             scene.draw_surfaces(context, pass);
-            pass.set_pipeline(&pipelines.objects);
+            set(pass, Draws::Depth);
+            scene.draw_objects(context, pass, |_, _| {});
             scene.draw_objects(context, pass, |pass, material| {
+                let kind = kinds.get(material as usize).copied().unwrap_or(Kind::Matt);
+                set(pass, Draws::Objects(kind, has_high_bands));
                 pass.set_bind_group(0, group, &[material * MATERIAL_STRIDE as u32]);
             });
         })
@@ -120,27 +186,51 @@ pub struct Frame<'a> {
     pub shadow_maps: &'a Resource,
 }
 
-fn pipelines(context: &GpuContext, built: &Built, samples: u32) -> Result<Pipelines, EngineError> {
-    let objects = Drawing {
-        vertex: "vertex",
-        fragment: "fragment",
+fn pipeline(
+    context: &GpuContext,
+    built: &Built,
+    samples: u32,
+    draws: Draws,
+) -> Result<wgpu::RenderPipeline, EngineError> {
+    let depth = Drawing {
+        vertex: "depth_vertex",
+        fragment: "depth_fragment",
         stride: size_of::<ObjectVertex>() as u64,
-        attributes: &wgpu::vertex_attr_array![
-            0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32x4, 4 => Float32x3
-        ],
+        attributes: &wgpu::vertex_attr_array![0 => Float32x3],
         color: OBJECT_LAYER_FORMAT,
-        write: wgpu::ColorWrites::ALL,
+        write: wgpu::ColorWrites::empty(),
         nearer: wgpu::CompareFunction::Greater,
         samples,
         constants: &[],
     };
-    let surfaces = Drawing {
-        vertex: "surface_vertex",
-        fragment: "surface_fragment",
-        stride: size_of::<SurfaceVertex>() as u64,
-        attributes: &wgpu::vertex_attr_array![0 => Float32x4],
-        write: wgpu::ColorWrites::empty(),
-        ..objects
-    };
-    Ok(Pipelines { objects: built.drawing(context, &objects)?, surfaces: built.drawing(context, &surfaces)? })
+    match draws {
+        Draws::Depth => built.drawing(context, &depth),
+        Draws::SurfaceDepth => built.drawing(
+            context,
+            &Drawing {
+                vertex: "surface_vertex",
+                stride: size_of::<SurfaceVertex>() as u64,
+                attributes: &wgpu::vertex_attr_array![0 => Float32x4],
+                ..depth
+            },
+        ),
+        Draws::Objects(kind, has_high_bands) => built.drawing(
+            context,
+            &Drawing {
+                vertex: "vertex",
+                fragment: "fragment",
+                attributes: &wgpu::vertex_attr_array![
+                    0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32x4, 4 => Float32x3
+                ],
+                write: wgpu::ColorWrites::ALL,
+                // The depth is there already: of what is nearest exactly this.
+                nearer: wgpu::CompareFunction::GreaterEqual,
+                constants: &[
+                    ("MATERIAL", f64::from(kind as u8)),
+                    ("HIGH_BANDS", f64::from(u8::from(has_high_bands))),
+                ],
+                ..depth
+            },
+        ),
+    }
 }

@@ -24,7 +24,8 @@ const PASS: Pass = Pass::ShadeSurface;
 /// The kernel.
 pub struct ShadeSurface {
     built: Built,
-    pipeline: wgpu::RenderPipeline,
+    /// Without and with bands 4 and 5 of the light.
+    pipelines: [Option<wgpu::RenderPipeline>; 2],
     view: GrowingBuffer,
     light: GrowingBuffer,
     cameras: GrowingBuffer,
@@ -34,26 +35,11 @@ pub struct ShadeSurface {
 }
 
 impl ShadeSurface {
-    /// Compiles it.
+    /// Compiles the shader; pipelines follow when they are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::SHADE_SURFACE)?;
-        let pipeline = built.drawing(
-            context,
-            &Drawing {
-                vertex: "vertex",
-                fragment: "fragment",
-                stride: size_of::<SurfaceVertex>() as u64,
-                attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
-                color: RATIOS_FORMAT,
-                write: wgpu::ColorWrites::ALL,
-                nearer: wgpu::CompareFunction::Greater,
-                samples: 1,
-                constants: &[],
-            },
-        )?;
         Ok(Self {
-            built,
-            pipeline,
+            built: Built::new(context, &kernels::SHADE_SURFACE)?,
+            pipelines: [const { None }; 2],
             view: GrowingBuffer::uniform("view"),
             light: GrowingBuffer::uniform("light"),
             cameras: GrowingBuffer::uniform("shadow cameras"),
@@ -73,6 +59,12 @@ impl ShadeSurface {
         ratios: &mut KeptTexture,
     ) -> Result<(), EngineError> {
         let context = recorder.context;
+        let has_high_bands = frame.light.order_hard[0] > 4;
+        let slot = &mut self.pipelines[usize::from(has_high_bands)];
+        let pipeline = match slot {
+            Some(pipeline) => pipeline,
+            None => slot.insert(pipeline(context, &self.built, has_high_bands)?),
+        };
         let resources = [
             self.view.write(context, bytemuck::bytes_of(frame.view)),
             self.light.write(context, bytemuck::bytes_of(frame.light)),
@@ -89,9 +81,28 @@ impl ShadeSurface {
         let untouched = wgpu::Color { r: one, g: one, b: one, a: 0.0 };
         let targets = Targets { color: cleared(ratios, None, untouched), depth: Some((depth, 0.0)) };
         recorder.draw(PASS, targets, |pass| {
-            pass.set_pipeline(&self.pipeline);
+            pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             scene.draw_surfaces(context, pass);
         })
     }
+}
+
+fn pipeline(
+    context: &GpuContext,
+    built: &Built,
+    has_high_bands: bool,
+) -> Result<wgpu::RenderPipeline, EngineError> {
+    let drawing = Drawing {
+        vertex: "vertex",
+        fragment: "fragment",
+        stride: size_of::<SurfaceVertex>() as u64,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3],
+        color: RATIOS_FORMAT,
+        write: wgpu::ColorWrites::ALL,
+        nearer: wgpu::CompareFunction::Greater,
+        samples: 1,
+        constants: &[("HIGH_BANDS", f64::from(u8::from(has_high_bands)))],
+    };
+    built.drawing(context, &drawing)
 }

@@ -1,0 +1,170 @@
+//! A frame in a known room at 640 x 480 against [Gib03]'s figures for 10, 20 and 50 shadow maps, and all maps in one pass
+//! against a pass for each.
+
+use super::nearfield::{radiance, room};
+use glam::{Affine3A, DVec3, Vec3};
+use halflight::{
+    animate::posed::Posed,
+    assets::shapes,
+    engine::{
+        Engine, RelightInput,
+        cpu::CpuEngine,
+        gpu::{Backend, GpuEngine, Spread},
+    },
+    math::{lens::Lens, pose::Pose},
+    model::{
+        frame::Exposure,
+        image::HdrImage,
+        light::{Lights, RadianceSh},
+        picture::Picture,
+        quality::Quality,
+        response::Response,
+        scene::{Material, Scene, VirtualObject},
+        time::Timestamp,
+    },
+    nearfield::{
+        field::{NearField, Preparation},
+        irradiance::{IrradianceVolume, VolumeSettings},
+        patches::{Subdivision, subdivide},
+        prepare::{KnownRoom, RoomReport},
+    },
+    plan::{
+        FramePlan, Pass, PassTiming,
+        effects::{self, Occasion},
+    },
+};
+use std::{sync::Arc, time::Instant};
+
+const FRAMES: usize = 15;
+/// Section 9 of [Gib03]: shadow maps and pictures a second at 640 x 480 on a graphics card of 2002.
+const GIB03: [(usize, f64); 3] = [(10, 35.0), (20, 25.0), (50, 14.0)];
+/// Passes of the room, and all others.
+const PARTS: [&str; 4] = ["maps", "subtract", "objects", "rest"];
+
+/// 512 triangles over a table.
+fn scene(known: &KnownRoom) -> Scene {
+    Scene {
+        objects: vec![VirtualObject {
+            name: "ball".into(),
+            mesh: shapes::uv_sphere(0.1, 17, 16),
+            material: Material::Lambert { albedo_rgb: [0.7, 0.5, 0.3] },
+            world_from_object: Affine3A::from_translation(Vec3::new(0.05, 0.0, 0.16)),
+            openness: Vec::new(),
+        }],
+        room: Some(Arc::new(known.room.clone())),
+        ..Scene::default()
+    }
+}
+
+/// Median milliseconds of a frame and of its parts, and a digest of its picture.
+fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [f64; 4], u64) {
+    let light = Lights::soft(RadianceSh::zero(4));
+    let mut plan = FramePlan::default();
+    effects::plan(&Occasion::SHOW, scene, &light, quality, &mut plan);
+    let mut background = HdrImage::default();
+    background.radiance.reshape(640, 480, [0.5, 0.45, 0.4]);
+    background.flags.reshape(640, 480, 0);
+    let posed = Posed::new(scene);
+    let input = RelightInput {
+        background: &background,
+        lens: &Lens::pinhole(640, 480, 620.0, 620.0, 320.0, 240.0),
+        world_from_camera: &Pose::look_at(DVec3::new(0.8, -1.0, 0.9), DVec3::ZERO, DVec3::Z),
+        light: &light,
+        environment: None,
+        posed: Some(&posed),
+        response: &Response::srgb(),
+        shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
+        t: Timestamp(0),
+    };
+    let mut out = Picture::default();
+    let mut timings: Vec<PassTiming> = Vec::new();
+    let (mut walls, mut parts) = (Vec::new(), [const { Vec::new() }; 4]);
+    for frame in 0..FRAMES + 2 {
+        let start = Instant::now();
+        engine.relight(&plan, &input, &mut out).expect("a sound frame");
+        let wall = start.elapsed().as_secs_f64() * 1e3;
+        engine.take_timings(&mut timings);
+        if frame >= 2 {
+            walls.push(wall);
+            let mut sums = [0.0; 4];
+            for timing in &timings {
+                let part = match timing.pass {
+                    Pass::PointMaps => 0,
+                    Pass::Subtract => 1,
+                    Pass::ShadeObject => 2,
+                    _ => 3,
+                };
+                sums[part] += f64::from(timing.ms);
+            }
+            parts.iter_mut().zip(sums).for_each(|(list, sum)| list.push(sum));
+        }
+    }
+    let bits = out.radiance.pixels().as_flattened().iter().map(|x| u64::from(x.to_bits()));
+    let digest = bits.fold(0xcbf2_9ce4_8422_2325, |hash, bits| (hash ^ bits).wrapping_mul(0x100_0000_01b3));
+    let mut median = |list: &mut Vec<f64>| {
+        list.sort_by(f64::total_cmp);
+        list[list.len() / 2]
+    };
+    (median(&mut walls), parts.each_mut().map(&mut median), digest)
+}
+
+fn table(engine: &mut dyn Engine, what: &str, known: &Arc<KnownRoom>) -> Vec<f64> {
+    let scene = scene(known);
+    engine.load_room(Some(Arc::clone(known))).expect("a sound room");
+    engine.load_scene(&scene).expect("a sound scene");
+    let mut walls = Vec::new();
+    for places in [1, 4] {
+        for (maps, fps) in GIB03 {
+            let quality = Quality { shadow_maps: maps, pcf_taps: places, ..Quality::default() };
+            let (wall, parts, digest) = measure(engine, &scene, &quality);
+            let parts: String =
+                PARTS.iter().zip(parts).map(|(part, ms)| format!(" {part} {ms:6.2}")).collect();
+            println!(
+                "  {what}, {places} places a side, {maps:2} maps: {:5.1} pictures a second ([Gib03] {fps}, ratio {:.2}); ms{parts}; {digest:016x}",
+                1e3 / wall,
+                1e3 / wall / fps
+            );
+            walls.push(wall);
+        }
+    }
+    walls
+}
+
+/// Prints the figures.
+pub fn run() {
+    println!("a known room of 1500 patches at 640 x 480, 512 triangles, maps of 256 x 256");
+    let room = room();
+    let patches = subdivide(&room, &Subdivision { patches: 1500, ..Subdivision::default() }, &radiance);
+    let field = NearField::build(&room, patches.expect("a sound room"), &Preparation::default(), &|_| ());
+    let field = field.expect("a lit room");
+    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
+    let known = Arc::new(KnownRoom {
+        sun_rgb: vec![[0.0; 3]; field.patches.vertices.len()],
+        reflectance_measured: vec![false; field.patches.patches.len()],
+        room,
+        field,
+        volume,
+        suns: Vec::new(),
+        report: RoomReport::default(),
+    });
+    match CpuEngine::new(None) {
+        Ok(mut engine) => drop(table(&mut engine, "CPU", &known)),
+        Err(error) => println!("  {error}"),
+    }
+    for backend in Backend::ALL {
+        let engine = match GpuEngine::new(Some(backend)) {
+            Ok(engine) => engine,
+            Err(error) => {
+                println!("  {error}");
+                continue;
+            }
+        };
+        println!("  {}", engine.description());
+        let mut engine = engine.with_near_lights(Spread::Together);
+        let together = table(&mut engine, "one pass of maps", &known);
+        let mut engine = engine.with_near_lights(Spread::Each);
+        let each = table(&mut engine, "a pass a map", &known);
+        let ratios: String = each.iter().zip(together).map(|(e, t)| format!(" {:.2}", e / t)).collect();
+        println!("    a pass a map / one pass of maps, times of a frame:{ratios}");
+    }
+}

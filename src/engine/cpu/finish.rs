@@ -1,0 +1,44 @@
+//! The last two passes of a frame: objects over what is left of the place, and the way back to 8 bits.
+
+use super::{super::RelightInput, Work};
+use crate::compose::{composite, tonemap::ToneTable};
+use crate::model::{image::RadianceImage, picture::Picture};
+use rayon::prelude::*;
+
+impl Work {
+    pub(in crate::engine) fn composite(
+        &self,
+        input: &RelightInput<'_>,
+        objects: bool,
+        ratios: bool,
+        out: &mut RadianceImage,
+    ) {
+        let background = &input.background.radiance;
+        let width = background.width();
+        out.reshape(width, background.height(), [0.0; 3]);
+        let (layer, ratio) = (self.object_layer.pixels(), self.ratio.pixels());
+        let rows = out.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(background.pixels().par_chunks(width.max(1))).enumerate().for_each(|(y, (out, row))| {
+            for (x, (out, &below)) in out.iter_mut().zip(row).enumerate() {
+                let i = y * width + x;
+                let ratio = if ratios { ratio[i] } else { [1.0; 3] };
+                let object = if objects { layer[i] } else { [0.0; 4] };
+                *out = composite::over(below, ratio, object);
+            }
+        });
+    }
+
+    pub(in crate::engine) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+        let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
+        table.update(input.response);
+        let (width, height) = (out.radiance.width(), out.radiance.height());
+        out.display.reshape(width, height, [0; 3]);
+        let exposure_s = input.shown_exposure.effective_s() as f32;
+        let rows = out.display.pixels_mut().par_chunks_mut(width.max(1));
+        rows.zip(out.radiance.pixels().par_chunks(width.max(1))).for_each(|(display, radiance)| {
+            for (display, radiance) in display.iter_mut().zip(radiance) {
+                *display = std::array::from_fn(|c| table.value(c, radiance[c] * exposure_s));
+            }
+        });
+    }
+}

@@ -1,0 +1,229 @@
+//! What one frame of a known room is drawn from: the lights that objects may hide, what each sends to every corner of the
+//! room's patches, its shadow map, and which of them may throw a shadow on each triangle (Sections 6 to 8 of [Gib03]). The
+//! only parts that depend on the frame; the same for every engine.
+
+use super::{
+    field::NearField,
+    marks::{Marks, View},
+    representatives::{Representative, Representatives},
+    shaft::Aabb,
+};
+use crate::{
+    math::{lens::Lens, pose::Pose},
+    sources::expand::Priority,
+    visibility::{
+        point_maps::{LightPlaces, PlaceReads, PointMaps},
+        proxies::Proxies,
+    },
+};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Lights of a frame at most: the indices in the lists are bytes' pairs, and pictures gain nothing from more.
+pub const MOST_LIGHTS: usize = 256;
+/// The maps look no wider off their axis than this tangent.
+const WIDEST: f32 = 5.7;
+/// Triangles that one task sorts.
+const CHUNK: usize = 64;
+
+/// How the lights of a frame are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearQuality {
+    /// Lights at most: 1 to [`MOST_LIGHTS`].
+    pub lights: usize,
+    /// Texels a side of each map.
+    pub texels: u32,
+    /// Places of each light that its shadow is filtered over, a side: 1 draws hard shadows from the source in the middle of
+    /// each light, as in [Gib03]; up to 8.
+    pub places: u32,
+}
+
+/// A frame; keeps its memory.
+#[derive(Clone, Debug, Default)]
+pub struct NearFrame {
+    view: View,
+    marks: Marks,
+    chosen: Representatives,
+    rows: Vec<[f32; 3]>,
+    casters: Vec<Vec3>,
+    boxes: Vec<Aabb>,
+    maps: PointMaps,
+    places: Vec<LightPlaces>,
+    reads: Vec<PlaceReads>,
+    /// Radiant intensity of each light along its normal: sum of radiance times area.
+    intensities: Vec<[f32; 3]>,
+    /// For each triangle where its lights begin and end in `listed`.
+    ranges: Vec<[u32; 2]>,
+    listed: Vec<u16>,
+    chunks: Vec<Vec<u16>>,
+    vertices: usize,
+}
+
+impl NearFrame {
+    /// Finds the lights that the objects may hide something of, and fits their maps. `positions` are the vertices of all
+    /// objects now, world frame, and `proxies` their stand-ins.
+    pub fn update(
+        &mut self,
+        field: &NearField,
+        proxies: &Proxies,
+        positions: &[Vec3],
+        (lens, world_from_camera): (&Lens, &Pose),
+        quality: &NearQuality,
+    ) {
+        proxies.gather(positions, &mut self.casters);
+        self.boxes.clear();
+        let around = |r: &std::ops::Range<usize>| Aabb::around(self.casters[r.clone()].iter().copied());
+        self.boxes.extend(proxies.objects().iter().map(around));
+        self.view.look(field, lens, world_from_camera);
+        self.marks.mark(field, &self.boxes, Some(&self.view));
+        let count = quality.lights.clamp(1, MOST_LIGHTS);
+        let by = Priority::ErrorRemoved;
+        self.chosen.choose(field, &self.marks, &self.boxes, None, count, by);
+        self.chosen.light_rows(field, &self.marks, &mut self.rows);
+        self.vertices = field.patches.vertices.len();
+        let hard = quality.places <= 1;
+        let place = |light: &Representative| if hard { light.centre_world } else { light.middle_world };
+        self.intensities.clear();
+        let (marks, chosen) = (&self.marks, self.chosen.near());
+        self.intensities.extend(chosen.iter().map(|light| intensity(field, marks, light)));
+        self.maps.fit(self.chosen.near().iter().map(place), &self.casters, quality.texels);
+        self.places.clear();
+        let cameras = self.maps.cameras();
+        self.places.extend(self.chosen.near().iter().zip(cameras).map(|(light, camera)| {
+            let half_axes = if hard { [Vec3::ZERO; 2] } else { light.half_axes_world };
+            let side = quality.places.clamp(1, 8);
+            let along = |v: Vec3| camera.as_ref().map_or([0.0; 3], |c| c.along_axes(v));
+            LightPlaces { half_axes: half_axes.map(along), side }
+        }));
+        self.reads.clear();
+        self.reads.extend(self.places.iter().map(|places| PlaceReads::new(places, reach_m(places))));
+    }
+
+    /// Draws the maps, on the CPU.
+    pub fn draw(&mut self, proxies: &Proxies) {
+        self.maps.draw(&self.casters, proxies.triangles());
+    }
+
+    /// Lists for each triangle of the room (`triangles`, corners as numbers of the field's vertices) the lights that may lose
+    /// something on it. `is_drawn`: the maps were drawn here, and what they hold is looked at too.
+    pub fn list(&mut self, field: &NearField, triangles: &[[u32; 3]], is_drawn: bool) {
+        let lights = self.chosen.near().len();
+        self.ranges.resize(triangles.len(), [0; 2]);
+        self.chunks.resize_with(triangles.len().div_ceil(CHUNK), Vec::new);
+        let Self { marks, rows, maps, reads, ranges, chunks, vertices, .. } = self;
+        let (marks, rows, maps, reads, vertices) = (&*marks, &*rows, &*maps, &*reads, *vertices);
+        let parts = ranges.par_chunks_mut(CHUNK).zip(triangles.par_chunks(CHUNK)).zip(chunks.par_iter_mut());
+        parts.for_each(|((ranges, triangles), chunk)| {
+            chunk.clear();
+            for (range, triangle) in ranges.iter_mut().zip(triangles) {
+                let begin = chunk.len() as u32;
+                if triangle.iter().any(|&v| marks.has_vertex(v as usize)) {
+                    let position = |v: u32| {
+                        field.patches.vertices.get(v as usize).map_or(Vec3::NAN, |v| v.position_world)
+                    };
+                    let corners = triangle.map(position);
+                    let row = |k: usize, v: u32| rows.get(k * vertices + v as usize).copied();
+                    chunk.extend((0..lights).filter_map(|k| {
+                        let shines = triangle.iter().any(|&v| row(k, v).is_some_and(|rgb| rgb != [0.0; 3]));
+                        let reach_m = reads[k].reach_m();
+                        (shines && maps.may_shadow(k, &corners, reach_m, is_drawn)).then_some(k as u16)
+                    }));
+                }
+                *range = [begin, chunk.len() as u32];
+            }
+        });
+        self.listed.clear();
+        for (ranges, chunk) in self.ranges.chunks_mut(CHUNK).zip(&self.chunks) {
+            let base = self.listed.len() as u32;
+            self.listed.extend_from_slice(chunk);
+            ranges.iter_mut().flatten().for_each(|end| *end += base);
+        }
+    }
+
+    /// The lights, in the order of their maps and rows.
+    pub fn lights(&self) -> &[Representative] {
+        self.chosen.near()
+    }
+
+    /// What each light sends to each vertex (`Representatives::light_rows`).
+    pub fn rows(&self) -> &[[f32; 3]] {
+        &self.rows
+    }
+
+    /// What light `k` sends to a vertex.
+    pub fn sent(&self, k: usize, vertex: u32) -> [f32; 3] {
+        self.rows.get(k * self.vertices + vertex as usize).copied().unwrap_or([0.0; 3])
+    }
+
+    /// The shadow maps.
+    pub fn maps(&self) -> &PointMaps {
+        &self.maps
+    }
+
+    /// The shadow maps, to take depths drawn elsewhere.
+    pub fn maps_mut(&mut self) -> &mut PointMaps {
+        &mut self.maps
+    }
+
+    /// What each light sends straight ahead: radiance times area of its marked sources, linear RGB.
+    pub fn intensities(&self) -> &[[f32; 3]] {
+        &self.intensities
+    }
+
+    /// What each light's filter goes over.
+    pub fn places(&self) -> &[LightPlaces] {
+        &self.places
+    }
+
+    /// The same, made ready to read each light's map.
+    pub fn reads(&self) -> &[PlaceReads] {
+        &self.reads
+    }
+
+    /// Stand-ins of the objects, world frame, metres.
+    pub fn casters(&self) -> &[Vec3] {
+        &self.casters
+    }
+
+    /// Their boxes.
+    pub fn boxes(&self) -> &[Aabb] {
+        &self.boxes
+    }
+
+    /// The lights that may lose something on triangle `t` of the last [`NearFrame::list`].
+    pub fn listed(&self, t: usize) -> &[u16] {
+        let Some([begin, end]) = self.ranges.get(t) else { return &[] };
+        self.listed.get(*begin as usize..*end as usize).unwrap_or(&[])
+    }
+
+    /// All lists, and where each triangle's begins and ends.
+    pub fn lists(&self) -> (&[[u32; 2]], &[u16]) {
+        (&self.ranges, &self.listed)
+    }
+
+    /// What may be hidden in this frame.
+    pub fn marks(&self) -> &Marks {
+        &self.marks
+    }
+}
+
+fn intensity(field: &NearField, marks: &Marks, light: &Representative) -> [f32; 3] {
+    let node = field.source_tree.nodes()[light.node as usize];
+    let mut sum = [0.0f32; 3];
+    for index in (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s)) {
+        let source = &field.sources[index];
+        let area_m2 = field.patches.patches[source.patch as usize].area_m2;
+        sum.iter_mut().zip(source.radiance_rgb).for_each(|(sum, l)| *sum += l * area_m2);
+    }
+    sum
+}
+
+/// How far a light's places move what a map is read at, metres at the light.
+fn reach_m(places: &LightPlaces) -> f32 {
+    let [u, v] = places.half_axes;
+    let along = |k: usize| u[k].abs() + v[k].abs();
+    if places.side > 1 { along(0).hypot(along(1)) + WIDEST * along(2) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests;

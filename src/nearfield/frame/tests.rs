@@ -1,0 +1,99 @@
+use super::*;
+use crate::nearfield::fixture;
+use glam::DVec3;
+
+const QUALITY: NearQuality = NearQuality { lights: 12, texels: 128, places: 3 };
+
+/// A box of 0.2 m, its corners and triangles.
+fn cuboid(middle: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let corner = |i: u32| {
+        let sign = |bit: u32| if i >> bit & 1 == 0 { -0.1 } else { 0.1 };
+        middle + Vec3::new(sign(0), sign(1), sign(2))
+    };
+    let sides = [[0u32, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let triangles = sides.iter().flat_map(|s| [[s[0], s[1], s[2]], [s[0], s[2], s[3]]]).collect();
+    ((0..8).map(corner).collect(), triangles)
+}
+
+fn camera() -> (Lens, Pose) {
+    let eye = DVec3::new(-1.2, -1.3, 0.9);
+    (
+        Lens::pinhole(160, 120, 90.0, 90.0, 80.0, 60.0),
+        Pose::look_at(eye, DVec3::new(0.2, 0.1, -0.2), DVec3::Z),
+    )
+}
+
+#[test]
+fn every_light_that_loses_something_on_a_triangle_is_listed() {
+    let room = fixture::room();
+    let field = fixture::field(&room, 900, &fixture::ALL);
+    let triangles: Vec<[u32; 3]> = field.patches.patches.iter().flat_map(|p| p.triangles()).collect();
+    let (lens, pose) = camera();
+    for middle in [Vec3::new(0.1, 0.0, 0.1), Vec3::new(0.2, -0.1, 0.5), Vec3::new(-0.9, -0.2, -0.6)] {
+        let (positions, faces) = cuboid(middle);
+        let proxies = Proxies::build(&positions, &faces, std::iter::once(0..faces.len()), 500);
+        let mut frame = NearFrame::default();
+        frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
+        assert!(!frame.lights().is_empty() && frame.lights().len() <= 12);
+        frame.draw(&proxies);
+        let mut lengths = [0, 0];
+        for (round, is_drawn) in [false, true].into_iter().enumerate() {
+            frame.list(&field, &triangles, is_drawn);
+            let mut losing = 0;
+            for (t, triangle) in triangles.iter().enumerate() {
+                lengths[round] += frame.listed(t).len();
+                if !triangle.iter().any(|&v| frame.marks().has_vertex(v as usize)) {
+                    assert!(frame.listed(t).is_empty());
+                    continue;
+                }
+                let corners = triangle.map(|v| field.patches.vertices[v as usize].position_world);
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+                for k in 0..frame.lights().len() {
+                    if triangle.iter().all(|&v| frame.sent(k, v) == [0.0; 3]) {
+                        continue;
+                    }
+                    let Some((camera, map)) = frame.maps().get(k) else { continue };
+                    let loses = (0..15).any(|i| {
+                        let (a, b) = ((0.13 * i as f32).fract(), (0.37 * i as f32).fract());
+                        let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+                        let point =
+                            corners[0] + a * (corners[1] - corners[0]) + b * (corners[2] - corners[0]);
+                        camera.map(point).is_some_and(|mapped| {
+                            let slope = camera.slope(point, normal);
+                            let places = &frame.places()[k];
+                            crate::visibility::point_maps::visibility(
+                                map.depth(),
+                                camera,
+                                places,
+                                mapped,
+                                slope,
+                            ) < 1.0
+                        })
+                    });
+                    losing += usize::from(loses);
+                    assert!(!loses || frame.listed(t).contains(&(k as u16)), "light {k}, triangle {t}");
+                }
+            }
+            assert!(losing > 5, "{losing} at {middle}");
+        }
+        assert!(lengths[1] <= lengths[0] && lengths[0] < triangles.len() * frame.lights().len() / 2);
+    }
+}
+
+#[test]
+fn without_objects_there_is_nothing_to_draw() {
+    let room = fixture::room();
+    let field = fixture::field(&room, 300, &fixture::ALL);
+    let (lens, pose) = camera();
+    let mut frame = NearFrame::default();
+    frame.update(&field, &Proxies::default(), &[], (&lens, &pose), &QUALITY);
+    frame.draw(&Proxies::default());
+    frame.list(&field, &[[0, 1, 2]], true);
+    assert!(frame.lights().is_empty() && frame.listed(0).is_empty() && frame.listed(99).is_empty());
+    // Objects of which nothing is finite hide nothing.
+    let positions = [Vec3::NAN; 3];
+    let proxies = Proxies::build(&positions, &[[0, 1, 2]], std::iter::once(0..1), 500);
+    frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
+    frame.draw(&proxies);
+    assert!(frame.maps().cameras().iter().all(Option::is_none));
+}
