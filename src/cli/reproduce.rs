@@ -1,15 +1,24 @@
 //! `halflight reproduce`: experiments of the papers, done again.
 
+mod profiles;
+
 use super::{CliError, Common};
 use crate::nearfield::two_sets::{Division, Experiment, Off, Strengths, run as experiment};
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 const AFTER_HELP: &str = "\
 gib03-fig3: 50 sources light a point; some are hidden, and their light is taken away from the displayed value in two sets
 (Section 7.1 of [Gib03]). How far is that from the displayed value of the light that is left? Writes gib03-fig3.csv
 (curve, hidden sources, mean, standard deviation and rms of the error in values of 255) and gib03-fig3.svg.
 
-Example: halflight reproduce gib03-fig3 --out out";
+gib03-f3: what an object in a known room takes away along three rows of the picture, by 10 and by 50 lights, beside ray
+tracing: all cases f3_* of the reference folder. Writes gib03-f3.csv and gib03-f3.svg.
+
+Examples: halflight reproduce gib03-fig3 --out out
+          halflight reproduce gib03-f3 --reference reference --out out";
 
 /// Arguments of `halflight reproduce`.
 #[derive(clap::Args, Debug)]
@@ -21,6 +30,9 @@ pub struct Arguments {
     /// Folder for the table and the plot.
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
+    /// Folder of the reference cases, for gib03-f3.
+    #[arg(long, value_name = "DIR")]
+    pub reference: Option<PathBuf>,
 }
 
 /// The experiments.
@@ -29,6 +41,9 @@ pub enum What {
     /// Figure 3 of [Gib03]: the error of subtracting displayed values.
     #[value(name = "gib03-fig3")]
     Gib03Fig3,
+    /// Umbra and penumbra of the method in a known room, beside ray tracing.
+    #[value(name = "gib03-f3")]
+    Gib03F3,
 }
 
 /// A curve: its name, its colour, what is displayed of an amount of light, strengths and sets.
@@ -52,7 +67,64 @@ fn linear(light: f64) -> f64 {
 
 /// Runs `halflight reproduce`.
 pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let What::Gib03Fig3 = arguments.what;
+    match arguments.what {
+        What::Gib03Fig3 => displayed_values(&arguments, common),
+        What::Gib03F3 => room_profiles(&arguments, common),
+    }
+}
+
+fn write(out: &Path, files: &[(&str, String)]) -> Result<(), CliError> {
+    std::fs::create_dir_all(out).map_err(|e| CliError::on(out.display(), e))?;
+    for (name, text) in files {
+        let file = out.join(name);
+        std::fs::write(&file, text).map_err(|e| CliError::on(file.display(), e))?;
+    }
+    Ok(())
+}
+
+fn room_profiles(arguments: &Arguments, common: &Common) -> Result<(), CliError> {
+    let Some(reference) = &arguments.reference else {
+        return Err(CliError::on("gib03-f3", "--reference DIR is missing: the folder with the cases f3_*"));
+    };
+    let on = |e| CliError::on(reference.display(), e);
+    let mut folders = Vec::new();
+    for entry in std::fs::read_dir(reference).map_err(on)? {
+        let entry = entry.map_err(on)?;
+        if entry.file_name().to_string_lossy().starts_with("f3_") {
+            folders.push(entry.path());
+        }
+    }
+    folders.sort();
+    if folders.is_empty() {
+        return Err(CliError::on(reference.display(), "no case in it: a folder f3_* with a case.json"));
+    }
+    let mut profiles = Vec::new();
+    for folder in &folders {
+        profiles.extend(profiles::of_case(folder)?);
+    }
+    let files = [("gib03-f3.csv", profiles::table(&profiles)), ("gib03-f3.svg", profiles::plot(&profiles))];
+    write(&arguments.out, &files)?;
+    if common.json {
+        let of = |p: &profiles::Profile| {
+            let off = p.off();
+            serde_json::json!({"case": p.case, "object": p.object, "row": p.row, "rms_over_largest": {"10": off[0], "50": off[1]}})
+        };
+        let report: Vec<_> = profiles.iter().map(of).collect();
+        println!("{}", serde_json::json!({ "profiles": report, "out": arguments.out }));
+        return Ok(());
+    }
+    println!("RMS off the reference along a row, over the largest there, by 10 and by 50 lights:");
+    for p in &profiles {
+        let [few, many] = p.off();
+        println!("  {:<24} {:<7} row {:3}: {few:.3} {many:.3}", p.case, p.object, p.row);
+    }
+    for (name, _) in &files {
+        println!("wrote {}", arguments.out.join(name).display());
+    }
+    Ok(())
+}
+
+fn displayed_values(arguments: &Arguments, common: &Common) -> Result<(), CliError> {
     let hidden: Vec<usize> = (0..=50).collect();
     let curves: Vec<(&Curve, Vec<Off>)> = CURVES
         .iter()
@@ -62,7 +134,6 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
             (curve, experiment(&about, &hidden, &tone))
         })
         .collect();
-    std::fs::create_dir_all(&arguments.out).map_err(|e| CliError::on(arguments.out.display(), e))?;
     let mut csv = String::from("curve,hidden,mean,std,rms\n");
     for ((name, ..), offs) in &curves {
         for off in offs {
@@ -70,10 +141,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         }
     }
     let files = [("gib03-fig3.csv", csv), ("gib03-fig3.svg", plot(&curves))];
-    for (name, text) in &files {
-        let file = arguments.out.join(name);
-        std::fs::write(&file, text).map_err(|e| CliError::on(file.display(), e))?;
-    }
+    write(&arguments.out, &files)?;
     if common.json {
         let of = |off: &Off| serde_json::json!({"hidden": off.hidden, "mean_dn": off.mean, "std_dn": off.std, "rms_dn": off.rms});
         let report: Vec<_> = curves
