@@ -167,6 +167,9 @@ fn what_is_left_out_of_the_source_set_is_known() {
     assert!((0.3..0.6).contains(&report.lost_mean) && report.lost_worst > 0.9);
 }
 
+/// Lights of a frame, what each sends to every vertex, and what is removed there.
+type Before = (Vec<Representative>, Vec<[f32; 3]>, Vec<f32>);
+
 /// The largest of what a step of `step_m` changes anywhere on the table and the floor, over the deepest shadow there, while a
 /// box of 20 cm is carried over the table: where the lights of the frame before would have been kept, and in all.
 fn largest_steps(case: &case::Case, field: &NearField, step_m: f32, count: usize, side: u32) -> [f32; 2] {
@@ -187,7 +190,7 @@ fn largest_steps(case: &case::Case, field: &NearField, step_m: f32, count: usize
         ..Mesh::default()
     };
     let mut shadows = Shadows::default();
-    let mut before: Option<(Vec<Representative>, Vec<[f32; 3]>, Vec<f32>)> = None;
+    let mut before: Option<Before> = None;
     let (mut depth, mut steps) = (0.0f32, [0.0f32; 2]);
     for frame in 0..FRAMES {
         let object = Object::new(&mesh, Vec3::new(-0.25 + step_m * frame as f32, 0.05, 0.25));

@@ -223,7 +223,7 @@ impl Traced {
             .collect();
         let width = case.lens.width as usize;
         let free = free_pixels(case, which);
-        let wanted = |i: &usize| free[*i] && (i % width) % 2 == 0 && (i / width) % 2 == 0;
+        let wanted = |i: &usize| free[*i] && (i % width).is_multiple_of(2) && (i / width).is_multiple_of(2);
         let taken = |at: &Seen, seed: u32| -> [f32; 3] {
             let mut sum = [0.0f32; 3];
             let from = at.point + at.normal * 2e-4;
