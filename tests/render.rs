@@ -159,8 +159,10 @@ fn a_room_with_lamps() {
     let Some(shared) = support::shared("a_room_with_lamps") else { return };
     let result = render(&shared, "f3_ceiling_light", "obj_table");
     assert!((result.comparison.receivers_median_ratio - 1.0).abs() < 0.005);
-    assert!(result.comparison.receivers_relative_rmse < 0.1);
-    assert!(result.drawn.plan.has(Pass::ShadeSurface));
+    println!("relative RMSE of the receivers {}", result.comparison.receivers_relative_rmse);
+    // Measured 0.022 with 8 lights for the lamp and its table.
+    assert!(result.comparison.receivers_relative_rmse < 0.03);
+    assert!(result.drawn.plan.has(Pass::Subtract) && !result.drawn.plan.has(Pass::ShadeSurface));
 }
 
 #[test]

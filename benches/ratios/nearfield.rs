@@ -105,12 +105,14 @@ pub fn run() {
             let [mark, choose, rows] = frames(&field, 10);
             let costs = [prepare_s, mib(report.bytes), mark + choose];
             // Exponents of the growth since the row above.
-            let growth = before.map_or([f64::NAN; 3], |(n, old)| {
-                std::array::from_fn(|i| (costs[i] / old[i]).ln() / (report.patches as f64 / n).ln())
-            });
+            let exponent = |i: usize, (n, old): (f64, [f64; 3])| {
+                format!("{:.2}", (costs[i] / old[i]).ln() / (report.patches as f64 / n).ln())
+            };
+            let growth: [String; 3] =
+                std::array::from_fn(|i| before.map_or_else(|| "-".into(), |row| exponent(i, row)));
             before = Some((report.patches as f64, costs));
             println!(
-                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({:.2}); {:7}; {:.2} {:.2} {:.2} ({:.2}); {mark:.3} + {choose:.3} = {:.3} ({:.2}), {rows:.3}",
+                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({}); {:7}; {:.2} {:.2} {:.2} ({}); {mark:.3} + {choose:.3} = {:.3} ({}), {rows:.3}",
                 report.patches,
                 report.sources,
                 growth[0],
