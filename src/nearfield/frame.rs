@@ -86,7 +86,8 @@ impl NearFrame {
         self.intensities.clear();
         let (marks, chosen) = (&self.marks, self.chosen.near());
         self.intensities.extend(chosen.iter().map(|light| intensity(field, marks, light)));
-        self.maps.fit(self.chosen.near().iter().map(place), &self.casters, quality.texels);
+        let fronts = self.chosen.near().iter().map(|light| (place(light), light.normal_world));
+        self.maps.fit(fronts, &self.casters, quality.texels);
         self.places.clear();
         let cameras = self.maps.cameras();
         self.places.extend(self.chosen.near().iter().zip(cameras).map(|(light, camera)| {

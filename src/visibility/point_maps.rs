@@ -45,7 +45,10 @@ impl PointCamera {
     /// Fits the map to the casters (world frame, metres). It looks along the world axis next to their middle, and its
     /// texels lie on a fixed grid about the light, a ladder of 8 sizes an octave, so that shadows do not swim with what
     /// moves. `None` where no caster lies before the light, or something is not finite.
-    pub fn fit(place_world: Vec3, casters: &[Vec3], texels: u32) -> Option<Self> {
+    ///
+    /// A light whose place lies within the casters' box looks to its `front` (any length; zero: none), for they may be all
+    /// around it.
+    pub fn fit(place_world: Vec3, front: Vec3, casters: &[Vec3], texels: u32) -> Option<Self> {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &p in casters.iter().filter(|p| p.is_finite()) {
             (low, high) = (low.min(p), high.max(p));
@@ -54,7 +57,8 @@ impl PointCamera {
         if !(towards.is_finite() && place_world.is_finite()) || texels < 16 {
             return None;
         }
-        let forward = largest(towards);
+        let is_within = place_world.cmpge(low).all() && place_world.cmple(high).all();
+        let forward = largest(if is_within && front != Vec3::ZERO { front } else { towards });
         let axes = [((forward.0 + 1) % 3, 1.0), ((forward.0 + 2) % 3, 1.0), forward];
         let seen = |p: Vec3| axes.map(|(axis, sign)| sign * (p - place_world)[axis]);
         let (mut nearest, mut farthest) = (f32::INFINITY, 0.0f32);
@@ -169,10 +173,11 @@ impl PointMaps {
         self.cameras.clear();
     }
 
-    /// Fits a camera to the casters for each place; `None` where none lies before the light.
-    pub fn fit(&mut self, places_world: impl Iterator<Item = Vec3>, casters: &[Vec3], texels: u32) {
+    /// Fits a camera to the casters for each place and the light's front there; `None` where none lies before the light.
+    pub fn fit(&mut self, places_world: impl Iterator<Item = (Vec3, Vec3)>, casters: &[Vec3], texels: u32) {
         self.cameras.clear();
-        self.cameras.extend(places_world.map(|place| PointCamera::fit(place, casters, texels)));
+        self.cameras
+            .extend(places_world.map(|(place, front)| PointCamera::fit(place, front, casters, texels)));
         if self.maps.len() < self.cameras.len() {
             self.maps.resize_with(self.cameras.len(), ShadowMap::default);
             self.cut.resize_with(self.cameras.len(), Cut::default);

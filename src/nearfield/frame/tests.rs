@@ -6,8 +6,12 @@ const QUALITY: NearQuality = NearQuality { lights: 12, texels: 128, places: 3 };
 
 /// A box of 0.2 m, its corners and triangles.
 fn cuboid(middle: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    cuboid_of(middle, 0.1)
+}
+
+fn cuboid_of(middle: Vec3, half: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let corner = |i: u32| {
-        let sign = |bit: u32| if i >> bit & 1 == 0 { -0.1 } else { 0.1 };
+        let sign = |bit: u32| if i >> bit & 1 == 0 { -half } else { half };
         middle + Vec3::new(sign(0), sign(1), sign(2))
     };
     let sides = [[0u32, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -96,4 +100,65 @@ fn without_objects_there_is_nothing_to_draw() {
     frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
     frame.draw(&proxies);
     assert!(frame.maps().cameras().iter().all(Option::is_none));
+}
+
+#[test]
+fn a_hundred_objects_are_one_frame() {
+    let room = fixture::room();
+    let field = fixture::field(&room, 300, &fixture::ALL);
+    let triangles: Vec<[u32; 3]> = field.patches.patches.iter().flat_map(|p| p.triangles()).collect();
+    let (lens, pose) = camera();
+    let (mut positions, mut faces, mut objects) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..100u32 {
+        let middle = Vec3::new((k % 10) as f32 * 0.3 - 1.4, (k / 10) as f32 * 0.25 - 1.1, -0.6);
+        let (corners, own) = cuboid_of(middle, 0.05);
+        let base = positions.len() as u32;
+        let first = faces.len();
+        faces.extend(own.iter().map(|t| t.map(|i| i + base)));
+        positions.extend(corners);
+        objects.push(first..faces.len());
+    }
+    let proxies = Proxies::build(&positions, &faces, objects.into_iter(), 500);
+    let mut frame = NearFrame::default();
+    frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
+    frame.draw(&proxies);
+    frame.list(&field, &triangles, true);
+    assert_eq!(frame.boxes().len(), 100);
+    assert!(!frame.lights().is_empty() && frame.lights().len() <= QUALITY.lights);
+    assert!((0..triangles.len()).any(|t| !frame.listed(t).is_empty()));
+}
+
+#[test]
+fn an_object_around_the_lamp_takes_all_its_light_and_one_around_the_camera_what_it_hides() {
+    let room = fixture::room();
+    let field = fixture::field(&room, 300, &fixture::ALL);
+    let (lens, pose) = camera();
+    let seen = |frame: &NearFrame, point: Vec3| -> Vec<f32> {
+        let of = |k: usize| {
+            let (camera, map) = frame.maps().get(k)?;
+            let mapped = camera.map(point)?;
+            let slope = camera.slope(point, Vec3::Z);
+            let places = &frame.places()[k];
+            Some(crate::visibility::point_maps::visibility(map.depth(), camera, places, mapped, slope))
+        };
+        (0..frame.lights().len()).map(|k| of(k).unwrap_or(1.0)).collect()
+    };
+    // The lamp is 0.6 m wide at (0.6, -0.4, 1.74).
+    let (positions, faces) = cuboid_of(Vec3::new(0.6, -0.4, 1.7), 0.4);
+    let proxies = Proxies::build(&positions, &faces, std::iter::once(0..faces.len()), 500);
+    let mut frame = NearFrame::default();
+    frame.update(&field, &proxies, &positions, (&lens, &pose), &QUALITY);
+    frame.draw(&proxies);
+    let lamp = seen(&frame, Vec3::new(0.1, 0.1, 0.0));
+    assert!(!lamp.is_empty() && frame.lights().iter().all(|l| l.inside));
+    assert!(lamp.iter().all(|v| *v == 0.0), "{lamp:?}");
+    // Around the camera: a frame as any other, and finite.
+    let (positions, faces) = cuboid_of(pose.translation.as_vec3(), 0.15);
+    frame.update(&field, &proxies_of(&positions, &faces), &positions, (&lens, &pose), &QUALITY);
+    frame.draw(&proxies_of(&positions, &faces));
+    assert!(seen(&frame, Vec3::new(0.1, 0.1, 0.0)).iter().all(|v| (0.0..=1.0).contains(v)));
+}
+
+fn proxies_of(positions: &[Vec3], faces: &[[u32; 3]]) -> Proxies {
+    Proxies::build(positions, faces, std::iter::once(0..faces.len()), 500)
 }

@@ -245,7 +245,7 @@ mod tests {
             .collect();
         let triangles: Vec<[u32; 3]> = (0..8u32).map(|k| [k & 1, 2 + (k >> 1 & 1), 4 + (k >> 2)]).collect();
         let mut maps = PointMaps::default();
-        maps.fit([Vec3::new(0.1, 0.0, 2.0)].into_iter(), &casters, 256);
+        maps.fit([(Vec3::new(0.1, 0.0, 2.0), Vec3::ZERO)].into_iter(), &casters, 256);
         maps.draw(&casters, &triangles);
         let (camera, map) = maps.get(0).unwrap();
         for side in 1..=8 {

@@ -24,7 +24,7 @@ fn passes(point: Vec3, place: Vec3) -> f32 {
 
 fn drawn(place: Vec3, casters: &[Vec3], triangles: &[[u32; 3]], texels: u32) -> PointMaps {
     let mut maps = PointMaps::default();
-    maps.fit([place].into_iter(), casters, texels);
+    maps.fit([(place, Vec3::ZERO)].into_iter(), casters, texels);
     maps.draw(casters, triangles);
     maps
 }
@@ -153,12 +153,12 @@ fn a_body_around_the_light_hides_it() {
 #[test]
 fn no_casters_and_strange_ones() {
     let place = Vec3::new(0.0, 0.0, 1.0);
-    assert_eq!(PointCamera::fit(place, &[], 256), None);
-    assert_eq!(PointCamera::fit(place, &[Vec3::NAN], 256), None);
-    assert_eq!(PointCamera::fit(Vec3::NAN, &[Vec3::ZERO], 256), None);
-    assert_eq!(PointCamera::fit(place, &[place], 256), None, "only at the light itself");
-    assert_eq!(PointCamera::fit(place, &[Vec3::ZERO], 8), None, "too few texels");
-    let sound = PointCamera::fit(place, &[Vec3::ZERO, Vec3::NAN, Vec3::X * 0.1], 64).unwrap();
+    assert_eq!(PointCamera::fit(place, Vec3::ZERO, &[], 256), None);
+    assert_eq!(PointCamera::fit(place, Vec3::ZERO, &[Vec3::NAN], 256), None);
+    assert_eq!(PointCamera::fit(Vec3::NAN, Vec3::ZERO, &[Vec3::ZERO], 256), None);
+    assert_eq!(PointCamera::fit(place, Vec3::ZERO, &[place], 256), None, "only at the light itself");
+    assert_eq!(PointCamera::fit(place, Vec3::ZERO, &[Vec3::ZERO], 8), None, "too few texels");
+    let sound = PointCamera::fit(place, Vec3::ZERO, &[Vec3::ZERO, Vec3::NAN, Vec3::X * 0.1], 64).unwrap();
     assert!(sound.rows.iter().flatten().all(|v| v.is_finite()));
     // Triangles with corners that are not there, or not finite, draw nothing and do not panic.
     let casters = [Vec3::ZERO, Vec3::X * 0.1, Vec3::Y * 0.1, Vec3::NAN];
