@@ -347,6 +347,26 @@ mod tests {
     }
 
     #[test]
+    fn a_known_room_is_drawn_by_its_own_light() {
+        use Pass::{Composite, PointMaps, ShadeObject, ShadowMaps, Subtract, Tonemap};
+        let mut place = scene(1, Some(true));
+        place.room = Some(std::sync::Arc::default());
+        let mut light = Lights::soft(RadianceSh::zero(4));
+        light.global.rgb[0] = [1.0; 3];
+        // Soft light alone, as of a room: no halves of far light.
+        let near = [PointMaps, Subtract, ShadeObject, Composite, Tonemap];
+        assert_eq!(passes(&Occasion::SHOW, &place, &light), near);
+        // A sun shines in: the objects' map under it, too, even where no real surface outside of the room faces it.
+        for to_light in [UP, DOWN] {
+            let with_sun = [ShadowMaps, PointMaps, Subtract, ShadeObject, Composite, Tonemap];
+            assert_eq!(passes(&Occasion::SHOW, &place, &sun(to_light, 2.0)), with_sun);
+        }
+        // Nothing virtual: nothing is taken.
+        place.objects.clear();
+        assert_eq!(passes(&Occasion::SHOW, &place, &sun(UP, 2.0)), [Composite, Tonemap]);
+    }
+
+    #[test]
     fn measuring_and_drawing_are_independent() {
         use Pass::{MergeBracket, ProjectSh, UnwrapBall};
         let measure = Occasion { merge: true, ball: true, ..Occasion::default() };
