@@ -7,6 +7,7 @@ pub mod devices;
 pub mod figures;
 pub mod hdr;
 pub mod light;
+mod moment;
 pub mod quality_flags;
 pub mod record;
 pub mod render;
@@ -16,6 +17,7 @@ pub mod room;
 pub mod spheres;
 pub mod synth;
 pub mod tags;
+pub mod tradeoff;
 
 pub use common::{CliError, Common};
 
@@ -56,6 +58,8 @@ pub enum Verb {
     Synth(synth::Arguments),
     /// Do an experiment of the papers again: table and plot.
     Reproduce(reproduce::Arguments),
+    /// Measure what accuracy costs in time: plots, a page, and the front that presets are points of.
+    Tradeoff(tradeoff::Arguments),
     /// Check a configuration file; prints all mistakes at once.
     Check(check::Arguments),
     /// List the devices and engines at hand.
@@ -77,6 +81,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
         Verb::Room(a) => room::run(a, common),
         Verb::Synth(a) => synth::run(a, common),
         Verb::Reproduce(a) => reproduce::run(a, common),
+        Verb::Tradeoff(a) => tradeoff::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Devices(a) => devices::run(a, common),
     }

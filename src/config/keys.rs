@@ -1,5 +1,6 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
+use super::presets::PRESET_NAMES;
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
@@ -28,6 +29,8 @@ pub enum Range {
     Words(&'static [&'static str]),
     /// true or false.
     Switch,
+    /// false, or a number from min to max.
+    Optional(f64, f64),
 }
 
 impl Range {
@@ -44,6 +47,7 @@ impl Range {
             Self::Text => "a text".into(),
             Self::Words(list) => format!("a list of words out of {}", quoted(list)),
             Self::Switch => "true or false".into(),
+            Self::Optional(min, max) => format!("false (none), or a number within {min}..={max}"),
         }
     }
 
@@ -63,6 +67,9 @@ impl Range {
                 .as_array()
                 .is_some_and(|words| words.iter().all(|v| v.as_str().is_some_and(|v| list.contains(&v)))),
             Self::Switch => value.is_bool(),
+            Self::Optional(min, max) => {
+                value.as_bool() == Some(false) || real(value).is_some_and(|v| (*min..=*max).contains(&v))
+            }
         }
     }
 }
@@ -115,6 +122,10 @@ fn number(value: &Value) -> f64 {
 
 fn text(value: &Value) -> String {
     value.as_str().unwrap_or_default().to_owned()
+}
+
+fn optional(number: Option<f64>) -> Value {
+    number.map_or(Value::Boolean(false), Value::Float)
 }
 
 fn texts(words: &[String]) -> Value {
@@ -325,6 +336,46 @@ pub const KEYS: &[Key] = &[
         "Scene file with virtual objects and real surfaces; empty = only the surface z = 0 and no objects.",
         |s| word(&s.scene_file),
         |s, v| s.scene_file = text(v)
+    ),
+    key!(
+        "quality.preset",
+        "",
+        Range::Choice(&PRESET_NAMES),
+        "A point of the measured front of error against time (quality.front): draft is the cheapest, reference the most accurate; balanced takes away half of what lies between their errors, fine nine tenths. Keys that are typed too win over it. none: no preset.",
+        |s| word(&s.preset),
+        |s, v| s.preset = text(v)
+    ),
+    key!(
+        "quality.front",
+        "",
+        Range::Text,
+        "The measured front: \"bundled\", or a file front.json that `halflight tradeoff` wrote, for example on the device itself.",
+        |s| word(&s.front),
+        |s, v| s.front = text(v)
+    ),
+    key!(
+        "quality.budget_ms",
+        "ms",
+        Range::Optional(0.1, 10_000.0),
+        "A frame may take so long, from the camera's picture to the shown one: the governor walks along the front to the settings that err least within it, and corrects what it knows of their cost by every frame.",
+        |s| optional(s.budget_ms),
+        |s, v| s.budget_ms = real(v)
+    ),
+    key!(
+        "quality.target_fps",
+        "pictures/s",
+        Range::Optional(0.1, 1000.0),
+        "The same as a rate. With both, the shorter time counts.",
+        |s| optional(s.target_fps),
+        |s, v| s.target_fps = real(v)
+    ),
+    key!(
+        "quality.max_error",
+        "",
+        Range::Optional(0.000_1, 10.0),
+        "The error of shadows may be so large (relative RMSE, as measured for the front): the cheapest settings of the front that keep it; with a budget, no more accuracy than this is bought.",
+        |s| optional(s.max_error),
+        |s, v| s.max_error = real(v)
     ),
     key!(
         "quality.brackets",

@@ -106,6 +106,8 @@ pub struct DrawnFrom<'a> {
     pub shown_exposure: Exposure,
     /// The light as it was measured last, world frame.
     pub samples: &'a RadianceSamples,
+    /// The known room that the scene stands in.
+    pub room: Option<&'a Arc<KnownRoom>>,
 }
 
 /// One camera's way from frame to picture.
@@ -258,6 +260,7 @@ impl Pipeline {
             response: &self.response,
             shown_exposure: self.presenting.shown_exposure(),
             samples: self.engine.measured_samples(),
+            room: self.presenting.room(),
         }
     }
 

@@ -1,7 +1,10 @@
 //! A frame is data before it is work: the list of passes, each with its reason. Engines allocate and dispatch
 //! exactly this list.
 
+pub mod cost;
 pub mod effects;
+pub mod front;
+pub mod governor;
 
 use crate::model::quality::Quality;
 
