@@ -1,5 +1,6 @@
 //! The settings of accuracy that are tried, and what they are tried with.
 
+use super::measure::Measured;
 use crate::cli::CliError;
 use crate::config::{keys::KEYS, settings::Settings};
 use crate::nearfield::prepare::RoomSettings;
@@ -87,6 +88,24 @@ impl Axis {
             W(w) => Value::String(w.into()),
         };
         self.values.iter().step_by(step).map(of).collect()
+    }
+
+    /// Whether some value of it changes the error by a thousandth, or the time by a tenth.
+    pub fn matters(&self, points: &[Measured], quick: bool) -> bool {
+        let own: Vec<&Measured> = self
+            .values(quick)
+            .into_iter()
+            .filter_map(|v| {
+                let point = Point::default().with(self, v);
+                points.iter().find(|m| m.point == point)
+            })
+            .collect();
+        let spread = |of: &dyn Fn(&Measured) -> f64| {
+            let (low, high) =
+                own.iter().map(|m| of(m)).fold((f64::INFINITY, 0.0f64), |(l, h), x| (l.min(x), h.max(x)));
+            high / low.max(1e-12)
+        };
+        own.len() > 1 && (spread(&|m| m.errors.shadow) > 1.001 || spread(&|m| m.ms) > 1.1)
     }
 
     /// Whether it changes how a known room is prepared.

@@ -30,18 +30,21 @@ use subject::{Asked, Subject};
 /// front.json: the settings that no others beat, of which four have names (presets). `quality.front` of the settings takes
 /// that file: the governor of `halflightd` then walks along the front of this device and these scenes.
 ///
-/// Examples: halflight tradeoff shared/reference/f1_studio_lamps_figure20 --quick --out out/tradeoff
+/// Examples: halflight tradeoff shared/reference/f1_studio_lamps_five --quick --out out/tradeoff
 ///           halflight tradeoff tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out/tradeoff
 #[derive(clap::Args, Debug)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
-    /// Scene file (TOML), reference case (JSON or its folder), or recording (MCAP, with --scene); repeatable. The front is that of
-    /// their means.
+    /// Scene file (TOML), reference case (JSON or its folder), or recording (MCAP) with what is drawn into it: --scene, or
+    /// RECORDING@SCENE. Repeatable: the front is that of their means.
     #[arg(value_name = "SCENE|CASE|REC", required = true)]
     pub inputs: Vec<PathBuf>,
     /// Scene file that is drawn into recordings (repeatable).
     #[arg(long, value_name = "FILE")]
     pub scene: Vec<PathBuf>,
+    /// Settings file that everything starts from; accuracy that is named there is taken as the default.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     /// The frame of a recording, counted from 1.
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..))]
     pub frame: u64,
@@ -54,7 +57,7 @@ pub struct Arguments {
     /// How often each point is timed [default: 7, with --quick 3].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub rounds: Option<u32>,
-    /// Settings tried in search of the front [default: 160, with --quick 30].
+    /// Settings tried in search of the front [default: 200, with --quick 24].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=100_000))]
     pub tries: Option<u32>,
     /// Rays a pixel of truths that are traced here [default: 1024, with --quick 128].
@@ -80,9 +83,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         given.map_or(if arguments.quick { quick } else { full }, |n| n as usize)
     };
     let rounds = pick(arguments.rounds, 7, 3);
-    let tries = pick(arguments.tries, 160, 30);
+    let tries = pick(arguments.tries, 200, 24);
     let samples = pick(arguments.samples, 1024, 128);
-    let mut settings = Settings::default();
+    let mut settings = match &arguments.config {
+        Some(path) => common.settings_from(path)?,
+        None => Settings::default(),
+    };
     common.apply(&mut settings);
     let mut engine = common.open_engine()?;
     let engine = engine.as_mut();
@@ -94,8 +100,6 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     for input in &arguments.inputs {
         subjects.extend(Subject::of(input, &asked, engine)?);
     }
-    let called_for = |axis: &Axis| subjects.iter().any(|s| s.calls_for(axis));
-
     // Single settings.
     let mut points = Vec::new();
     for subject in &subjects {
@@ -109,18 +113,27 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         points.push(measure(subject, &singles, &settings, rounds, engine, &|| bar.inc(1))?);
     }
 
-    // The front of all together: one round each to find it, all rounds to place it.
+    // The front of all together: one round each to find it, all rounds to place it. It is not looked for along settings
+    // that change no picture and no time here: which of their values is on the front would be chance.
+    let matters = |axis: &Axis| {
+        subjects.iter().zip(&points).any(|(s, own)| s.calls_for(axis) && axis.matters(own, arguments.quick))
+    };
     bar.set_message("front: search");
     let mut search = Search::default();
+    let mut todo = vec![Point::default()];
+    todo.extend(corners(&matters));
+    for axis in AXES.iter().filter(|a| a.joint && matters(a)) {
+        let singles = axis.values(arguments.quick).into_iter().map(|v| Point::default().with(axis, v));
+        todo.extend(singles.filter(|p| *p != Point::default()));
+    }
     let mut tried = 0;
-    let mut todo: Vec<Point> = std::iter::once(Point::default()).chain(corners(&called_for)).collect();
     while !todo.is_empty() {
         bar.inc_length((todo.len() * subjects.len() * 2) as u64);
         let places = means(&subjects, &todo, &settings, 1, engine, &bar)?;
-        tried += todo.len();
         places.0.into_iter().for_each(|(point, place)| search.add(point, place));
-        todo = if tried < tries { search.next(&called_for) } else { Vec::new() };
+        todo = if tried < tries { search.next(&matters) } else { Vec::new() };
         todo.truncate(tries.saturating_sub(tried));
+        tried += todo.len();
     }
     bar.set_message("front: times");
     let near = search.near_front();

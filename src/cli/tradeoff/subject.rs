@@ -65,7 +65,11 @@ impl Subject {
         if ends_in("toml") {
             return Ok(vec![Self::of_scene(input, asked, engine)?]);
         }
-        if ends_in("mcap") {
+        let text = input.to_string_lossy();
+        if let Some((recording, scene)) = text.split_once('@') {
+            return Ok(vec![Self::of_recording(Path::new(recording), Path::new(scene), asked)?]);
+        }
+        if ends_in("mcap") || text.contains(':') {
             if asked.scenes.is_empty() {
                 return Err(CliError::on(
                     input.display(),
@@ -95,7 +99,10 @@ impl Subject {
 
     fn of_recording(input: &Path, scene: &Path, asked: &Asked<'_>) -> Result<Self, CliError> {
         let settings = Settings {
-            camera: format!("replay:{}", input.display()),
+            camera: match input.display().to_string() {
+                device if device.contains(':') => device,
+                file => format!("replay:{file}"),
+            },
             scene_file: scene.display().to_string(),
             ..asked.settings.clone()
         };
