@@ -53,6 +53,9 @@ demo: release tools-film
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures
 
+docs: release tools-gpu
+	$(HALFLIGHT) stress --all --markdown docs/stability.md
+
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real
 

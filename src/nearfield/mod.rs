@@ -35,6 +35,7 @@ pub mod prepare;
 pub mod probe;
 pub mod reflectance;
 pub mod representatives;
+pub mod sent;
 pub mod sets;
 pub mod shadow_edges;
 pub mod shaft;
