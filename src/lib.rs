@@ -38,5 +38,6 @@ pub mod nearfield;
 pub mod pipeline;
 pub mod plan;
 pub mod sources;
+pub mod stress;
 pub mod track;
 pub mod visibility;
