@@ -39,5 +39,6 @@ pub mod pipeline;
 pub mod plan;
 pub mod reference;
 pub mod sources;
+pub mod stress;
 pub mod track;
 pub mod visibility;
