@@ -53,9 +53,6 @@ demo: release tools-film
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures
 
-docs: release tools-gpu
-	$(HALFLIGHT) stress --all --markdown docs/stability.md
-
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real
 
@@ -71,7 +68,8 @@ presets: release
 	cp out/presets/front.json src/config/front.json
 
 # Pictures and tables of docs/ that come from the bundled scenes, made anew.
-docs: release
+docs: release tools-gpu
+	$(HALFLIGHT) stress --all --markdown docs/stability.md
 	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --out out/docs
 	cp out/docs/walker_in_desk.svg docs/tradeoff_walker.svg
 	cp out/docs/desk_in_desk.svg docs/tradeoff_desk.svg

@@ -9,7 +9,7 @@ use crate::model::response::Response;
 const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
 /// A pixel of the place counts as in shadow where objects leave less than this of its light, in truth.
-const SHADOW_BELOW: f64 = 0.98;
+pub const SHADOW_BELOW: f64 = 0.98;
 
 /// What a picture is held against.
 #[derive(Clone, Debug)]

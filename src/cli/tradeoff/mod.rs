@@ -60,7 +60,7 @@ pub struct Arguments {
     /// Settings tried in search of the front [default: 200, with --quick 24].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=100_000))]
     pub tries: Option<u32>,
-    /// Rays a pixel of truths that are traced here [default: 1024, with --quick 128].
+    /// Rays a pixel of truths that are traced here [default: 1024, with --quick 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: Option<u32>,
 }
@@ -84,7 +84,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     let rounds = pick(arguments.rounds, 7, 3);
     let tries = pick(arguments.tries, 200, 24);
-    let samples = pick(arguments.samples, 1024, 128);
+    let samples = pick(arguments.samples, 1024, 64);
     let mut settings = match &arguments.config {
         Some(path) => common.settings_from(path)?,
         None => Settings::default(),
@@ -95,7 +95,9 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let bar = bar(common);
 
     bar.set_message("truth");
-    let asked = Asked { scenes: &arguments.scene, frame: arguments.frame, settings: &settings, samples };
+    let done = |share: f32| bar.set_message(format!("truth: {:.0} %", 100.0 * share));
+    let asked =
+        Asked { scenes: &arguments.scene, frame: arguments.frame, settings: &settings, samples, done: &done };
     let mut subjects = Vec::new();
     for input in &arguments.inputs {
         subjects.extend(Subject::of(input, &asked, engine)?);

@@ -10,6 +10,7 @@ use crate::cli::{
     CliError,
     moment::Moment,
     render::{CaseStills, Still, default_image, of_scene},
+    trace::LightOf,
 };
 use crate::config::Settings;
 use crate::daemon::known_room;
@@ -56,6 +57,8 @@ pub struct Asked<'a> {
     pub settings: &'a Settings,
     /// Samples a pixel of truths that are traced here.
     pub samples: usize,
+    /// Is told the share of a truth that is done.
+    pub done: &'a dyn Fn(f32),
 }
 
 impl Subject {
@@ -93,7 +96,8 @@ impl Subject {
     fn of_scene(input: &Path, asked: &Asked<'_>, engine: &mut dyn Engine) -> Result<Self, CliError> {
         let file = scene::load(input).map_err(|e| CliError(e.to_string()))?;
         let still = of_scene(&file, engine, &asked.settings.quality, &mut Vec::new())?;
-        let truth = truth::traced(&still, asked.samples)?;
+        let (light, quality) = (LightOf::File(&file), &asked.settings.quality);
+        let truth = truth::traced(&still, light, quality, asked.samples, asked.done)?;
         Ok(Self::new(stem(input), truth, Source::Scene(Box::new(file)), &still))
     }
 
@@ -108,7 +112,8 @@ impl Subject {
         };
         let moment = Box::new(Moment::of(&settings, asked.frame)?);
         let still = moment.still(&settings.quality);
-        let truth = truth::traced(&still, asked.samples)?;
+        let quality = &settings.quality;
+        let truth = truth::traced(&still, LightOf::Samples, quality, asked.samples, asked.done)?;
         let source = Source::Moment { moment, settings: Box::new(settings), frame: asked.frame };
         Ok(Self::new(format!("{} in {}", stem(scene), stem(input)), truth, source, &still))
     }
