@@ -16,9 +16,12 @@ pub const SHADOW_BELOW: f64 = 0.98;
 pub struct Truth {
     /// Linear radiance.
     pub radiance: RadianceImage,
+    /// The place without objects, as the truth has it.
+    pub without: RadianceImage,
     /// Share of each pixel that real surfaces fill: 1 where no virtual object is.
     pub place: Vec<f32>,
-    /// Standard error of the truth itself, in the measure of `Errors::shadow`; `None` where it is not known.
+    /// Standard error of the truth itself, in the measure of `Errors::shadow`; `None` where it is not known. It is taken out
+    /// of that error: it is independent of it.
     pub noise: Option<f64>,
     /// Where it comes from, for people.
     pub made_by: String,
@@ -28,7 +31,7 @@ pub struct Truth {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// Root mean squared error of the share of light that objects leave on real surfaces, over the mean share that they take
-    /// in shadow. Errors outside of the true shadow count as well.
+    /// in shadow. Errors outside of the true shadow count as well. Less the truth's own noise, down to a tenth of it.
     pub shadow: f64,
     /// Mean of FLIP over the picture, 0 to 1.
     pub flip_mean: f64,
@@ -49,16 +52,17 @@ pub fn errors(
     let without = background.radiance.pixels();
     for (i, (ours, real)) in radiance.pixels().iter().zip(truth.radiance.pixels()).enumerate() {
         let place = gray(without[i].map(f64::from));
-        if truth.place[i] < 1.0 || !(place.is_finite() && place > 0.0) {
+        let true_place = gray(truth.without.pixels()[i].map(f64::from));
+        if truth.place[i] < 1.0 {
             continue;
         }
-        let (a, b) = (gray(ours.map(f64::from)) / place, gray(real.map(f64::from)) / place);
+        let (a, b) = (gray(ours.map(f64::from)) / place, gray(real.map(f64::from)) / true_place);
         if !(a.is_finite() && b.is_finite()) {
             continue;
         }
         squares += (a - b) * (a - b);
-        taken += (1.0 - a) * place;
-        true_taken += (1.0 - b) * place;
+        taken += (1.0 - a) * true_place;
+        true_taken += (1.0 - b) * true_place;
         if b < SHADOW_BELOW {
             in_shadow += 1.0;
             depth += 1.0 - b;
@@ -66,6 +70,8 @@ pub fn errors(
     }
     let (map, flip_mean, flip_p95) = flip(shown.0, shown.1);
     let shadow = if in_shadow > 0.0 { f64::sqrt(squares / in_shadow) / (depth / in_shadow) } else { 0.0 };
+    let noise = truth.noise.filter(|n| n.is_finite()).unwrap_or(0.0);
+    let shadow = (shadow * shadow - noise * noise).max(0.01 * noise * noise).sqrt();
     let energy = if true_taken > 0.0 { taken / true_taken - 1.0 } else { 0.0 };
     (Errors { shadow, flip_mean, flip_p95, energy }, map)
 }
@@ -113,6 +119,7 @@ mod tests {
         let background = HdrImage { radiance: picture([2.0; 4]), ..HdrImage::default() };
         let truth = Truth {
             radiance: picture([2.0, 1.0, 1.0, 9.0]),
+            without: picture([2.0; 4]),
             place: vec![1.0, 1.0, 1.0, 0.0],
             noise: None,
             made_by: String::new(),
@@ -124,6 +131,11 @@ mod tests {
         assert!(half.flip_mean > 0.0 && half.flip_p95 >= half.flip_mean, "{half:?}");
         let same = of(picture([2.0, 1.0, 1.0, 9.0]));
         assert_eq!(same, Errors { shadow: 0.0, flip_mean: 0.0, flip_p95: 0.0, energy: 0.0 });
+        // Noise of the truth is not ours.
+        let noisy = Truth { noise: Some(0.3), ..truth.clone() };
+        let p = picture([2.0, 1.5, 1.5, 9.0]);
+        let less = errors(&p, &background, &noisy, (&show(&p), &show(&truth.radiance))).0.shadow;
+        assert!((less - 0.4).abs() < 1e-6, "{less}");
         // A shadow where there is none counts; what objects fill does not.
         let beside = of(picture([1.0, 1.0, 1.0, 0.0]));
         assert!((beside.shadow - (0.125f64).sqrt() / 0.5).abs() < 1e-6 && beside.energy > 0.4, "{beside:?}");

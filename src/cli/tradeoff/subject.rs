@@ -65,12 +65,12 @@ impl Subject {
     /// All subjects that one input stands for: a recording is one with each scene.
     pub fn of(input: &Path, asked: &Asked<'_>, engine: &mut dyn Engine) -> Result<Vec<Self>, CliError> {
         let ends_in = |e: &str| input.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
-        if ends_in("toml") {
-            return Ok(vec![Self::of_scene(input, asked, engine)?]);
-        }
         let text = input.to_string_lossy();
         if let Some((recording, scene)) = text.split_once('@') {
             return Ok(vec![Self::of_recording(Path::new(recording), Path::new(scene), asked)?]);
+        }
+        if ends_in("toml") {
+            return Ok(vec![Self::of_scene(input, asked, engine)?]);
         }
         if ends_in("mcap") || text.contains(':') {
             if asked.scenes.is_empty() {

@@ -31,7 +31,8 @@ pub fn of_case(case: &Case, image: &str, still: &Still) -> Result<Truth, CliErro
         let filled = coverage.pixels().iter().map(|&c| 1.0 - f32::from(c) / 255.0);
         place.iter_mut().zip(filled).for_each(|(p, left)| *p = p.min(left));
     }
-    Ok(Truth { radiance, place, noise: None, made_by: format!("the case's own {image}") })
+    let without = still.background.radiance.clone();
+    Ok(Truth { radiance, without, place, noise: None, made_by: format!("the case's own {image}") })
 }
 
 /// One that is traced here, with so many rays a pixel: the objects over the still's own background, whose surfaces are
@@ -57,19 +58,24 @@ pub fn traced(
     let place: Vec<f32> = traced.coverage().pixels().iter().map(|c| 1.0 - c).collect();
     let noise = noise(&traced, &place);
     let made_by = format!("traced here with {} rays a pixel, direct light", traced.samples);
-    Ok(Truth { radiance, place, noise, made_by })
+    let without = still.background.radiance.clone();
+    Ok(Truth { radiance, without, place, noise, made_by })
 }
 
-/// Standard error of the share of light left where it is in shadow, over the mean share taken there, as `Errors::shadow`.
+/// Standard error of the share of light left, summed over the place and over the mean share taken in shadow, as
+/// `Errors::shadow` is.
 fn noise(traced: &Traced, place: &[f32]) -> Option<f64> {
     let (ratio, error) = (traced.ratio(), traced.ratio_error());
     let (mut squares, mut depth, mut count) = (0.0, 0.0, 0.0);
     for ((ratio, error), place) in ratio.pixels().iter().zip(error.pixels()).zip(place) {
         let left = gray(ratio.map(f64::from));
-        if *place >= 1.0 && left < SHADOW_BELOW {
-            squares += gray(error.map(f64::from)).powi(2);
-            depth += 1.0 - left;
-            count += 1.0;
+        let off = gray(error.map(f64::from)).powi(2);
+        if *place >= 1.0 && off.is_finite() {
+            squares += off;
+            if left < SHADOW_BELOW {
+                depth += 1.0 - left;
+                count += 1.0;
+            }
         }
     }
     (count > 0.0).then(|| f64::sqrt(squares / count) / (depth / count))

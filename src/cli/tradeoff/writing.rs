@@ -51,8 +51,9 @@ pub fn write(out: &Path, about: &About<'_>, results: &Results) -> Result<Vec<Pat
         let on_front = results.front.iter().filter_map(|(p, _)| points.iter().position(|m| m.point == *p));
         let mut notes = vec![format!("Truth: {}.", subject.truth.made_by)];
         if let Some(noise) = subject.truth.noise {
-            notes[0] +=
-                &format!(" Its own standard error is {noise:.4}: no error below that is shown to be real.");
+            notes[0] += &format!(
+                " Its own standard error is {noise:.4}; it is taken out of the errors, and nothing far below it is shown to be real."
+            );
         }
         if !flat.is_empty() {
             notes.push(format!("No difference to this picture: {}.", flat.join(", ")));
