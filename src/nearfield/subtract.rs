@@ -4,7 +4,7 @@
 //! tone map follows. Twin: `shaders/nearfield/subtract.wgsl`.
 
 use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
-use crate::{math::widest::widest, visibility::shadow_maps::ShadowMaps};
+use crate::{math::widest::widest, visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps}};
 use glam::Vec3;
 
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
@@ -71,14 +71,23 @@ pub fn at_points<const N: usize>(
         if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
             continue;
         }
+        let sent = corners.map(|v| frame.sent(light, v));
+        let part = || {
+            let parts = corners.map(|v| frame.part(light, v).middle_half());
+            let mut seen = [[0.0; N]; 4];
+            for i in 0..N {
+                let ([a, b], [c, d]) = seen_part(&parts, &sent, weights(i.min(count - 1)));
+                seen.iter_mut().zip([a, b, c, d]).for_each(|(seen, v)| seen[i] = v);
+            }
+            seen
+        };
         let visible = widest(
             #[inline(always)]
-            || reads.visibility(map, camera, points, normal),
+            || reads.visibility(map, camera, points, normal, part),
         );
         if visible[..count].iter().all(|v| *v >= 1.0) {
             continue;
         }
-        let sent = corners.map(|v| frame.sent(light, v));
         for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
             if *visible < 1.0 {
                 let light = interpolated(&sent, weights(i));
@@ -100,6 +109,25 @@ pub fn at_points<const N: usize>(
             })
         };
     }
+}
+
+/// Between the corners' parts by the light that comes of each.
+#[inline(always)]
+fn seen_part(
+    parts: &[([f32; 2], [f32; 2]); 3],
+    sent: &[[f32; 3]; 3],
+    weights: [f32; 3],
+) -> ([f32; 2], [f32; 2]) {
+    let light: [f32; 3] = std::array::from_fn(|k| weights[k].max(0.0) * (sent[k][0] + sent[k][1] + sent[k][2]));
+    let whole = light[0] + light[1] + light[2];
+    if !(whole > 0.0) {
+        return WHOLE;
+    }
+    let mean = |of: fn(&([f32; 2], [f32; 2])) -> [f32; 2]| {
+        let [a, b, c] = [0, 1, 2].map(|k: usize| of(&parts[k]));
+        [0, 1].map(|i: usize| (light[0] * a[i] + light[1] * b[i] + light[2] * c[i]) / whole)
+    };
+    (mean(|part| part.0), mean(|part| part.1))
 }
 
 fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {

@@ -32,7 +32,7 @@ fn drawn(place: Vec3, casters: &[Vec3], triangles: &[[u32; 3]], texels: u32) -> 
 fn seen(maps: &PointMaps, places: &LightPlaces, point: Vec3, normal: Vec3) -> f32 {
     let Some((camera, map)) = maps.get(0) else { return 1.0 };
     let Some(mapped) = camera.map(point) else { return 1.0 };
-    visibility(map.depth(), camera, places, mapped, camera.slope(point, normal))
+    visibility(map.depth(), camera, places, WHOLE, mapped, camera.slope(point, normal))
 }
 
 #[test]
