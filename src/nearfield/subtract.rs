@@ -4,7 +4,10 @@
 //! tone map follows. Twin: `shaders/nearfield/subtract.wgsl`.
 
 use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
-use crate::{math::widest::widest, visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps}};
+use crate::{
+    math::widest::widest,
+    visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps},
+};
 use glam::Vec3;
 
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
@@ -111,14 +114,16 @@ pub fn at_points<const N: usize>(
     }
 }
 
-/// Between the corners' parts by the light that comes of each.
+/// Which part of a light a point of a triangle sees: between its corners' by the light that comes of each (`sent`), and their
+/// weights; middle and half lengths as in [`SeenPart`](crate::visibility::point_maps::SeenPart).
 #[inline(always)]
-fn seen_part(
+pub fn seen_part(
     parts: &[([f32; 2], [f32; 2]); 3],
     sent: &[[f32; 3]; 3],
     weights: [f32; 3],
 ) -> ([f32; 2], [f32; 2]) {
-    let light: [f32; 3] = std::array::from_fn(|k| weights[k].max(0.0) * (sent[k][0] + sent[k][1] + sent[k][2]));
+    let light: [f32; 3] =
+        std::array::from_fn(|k| weights[k].max(0.0) * (sent[k][0] + sent[k][1] + sent[k][2]));
     let whole = light[0] + light[1] + light[2];
     if !(whole > 0.0) {
         return WHOLE;
