@@ -128,11 +128,10 @@ pub fn seen_part(
     if !(whole > 0.0) {
         return WHOLE;
     }
-    let mean = |of: fn(&([f32; 2], [f32; 2])) -> [f32; 2]| {
-        let [a, b, c] = [0, 1, 2].map(|k: usize| of(&parts[k]));
+    let mean = |[a, b, c]: [[f32; 2]; 3]| {
         [0, 1].map(|i: usize| (light[0] * a[i] + light[1] * b[i] + light[2] * c[i]) / whole)
     };
-    (mean(|part| part.0), mean(|part| part.1))
+    (mean(parts.map(|part| part.0)), mean(parts.map(|part| part.1)))
 }
 
 fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {

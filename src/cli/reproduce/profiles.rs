@@ -154,10 +154,13 @@ impl Surfaces {
     }
 }
 
+/// Some lights, what each sends to every vertex, and which part of it each vertex sees.
+type Lights = (Vec<Representative>, Vec<[f32; 3]>, Vec<SeenPart>);
+
 /// An object, and the lights that it may hide.
 struct Shadow {
     bvh: Bvh,
-    lights: [(Vec<Representative>, Vec<[f32; 3]>, Vec<SeenPart>); COUNTS.len()],
+    lights: [Lights; COUNTS.len()],
 }
 
 impl Shadow {
