@@ -324,6 +324,7 @@ fn the_verb_writes_pictures_and_a_report() {
     let verb = |more: &[&str]| {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_halflight"));
         command.args(["room", room_file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rows", "64"]);
+        command.env("XDG_CACHE_HOME", folder.join("cache"));
         command.args(more).output().unwrap()
     };
     let run = verb(&["--json", "--digest"]);
@@ -337,6 +338,23 @@ fn the_verb_writes_pictures_and_a_report() {
         assert!(picture.pixels().iter().any(|p| p[1] > 60), "{name}");
     }
     assert!(out.join("room.json").is_file());
+    // Kept: the same pictures again, with the cache, without it, and where it is damaged.
+    let digest = run.stderr;
+    let again = |more: &[&str]| {
+        let run = verb(&[&["--json", "--digest"], more].concat());
+        let report: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+        (report["from_cache"].as_bool().unwrap(), run.stderr)
+    };
+    assert_eq!(report["from_cache"], false);
+    assert_eq!(again(&[]), (true, digest.clone()));
+    assert_eq!(again(&["--fresh"]), (false, digest.clone()));
+    let kept = std::fs::read_dir(folder.join("cache/halflight/transfers")).unwrap().next().unwrap();
+    std::fs::write(kept.unwrap().path(), [0; 99]).unwrap();
+    let (from_cache, told) = again(&[]);
+    let told = String::from_utf8(told).unwrap();
+    assert!(!from_cache && told.contains("made anew"), "{told}");
+    assert!(told.ends_with(std::str::from_utf8(&digest).unwrap()), "{told}");
+    assert_eq!(again(&[]), (true, digest));
     for (more, words) in [
         (&["--rows", "5"][..], "unexpected"),
         (&["--rays", "5"], "--rays: must be 1, 4, 9"),

@@ -111,29 +111,37 @@ fn listed_at(i: u32) -> vec2<i32> {
     return vec2<i32>(vec2<u32>(4u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
 }
 
+// Which part of a light of its triangle the point sees: between the corners' parts by the light that comes of each.
+fn part_of(seen: Seen, corner: vec2<i32>) -> vec4<f32> {
+    let entire = vec4<f32>(0.0, 0.0, 1.0, 1.0);
+    if lights.tiles_maps_texels_side.w <= 1u {
+        return entire;
+    }
+    let a = textureLoad(listed, corner, 0);
+    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0);
+    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0);
+    let sums = vec3<f32>(a.x + a.y + a.z, b.x + b.y + b.z, c.x + c.y + c.z);
+    let light = max(vec3<f32>(seen.weights, 1.0 - seen.weights.x - seen.weights.y), vec3<f32>(0.0)) * sums;
+    let whole = light.x + light.y + light.z;
+    if whole <= 0.0 {
+        return entire;
+    }
+    let rest = textureLoad(listed, corner + vec2<i32>(3, 0), 0);
+    let parts = light.x * seen_part(vec2<f32>(b.w, c.w)) + light.y * seen_part(rest.xy);
+    return (parts + light.z * seen_part(rest.zw)) / whole;
+}
+
 // What objects block of a light of the point's triangle.
 fn blocked_of(seen: Seen, i: u32) -> vec3<f32> {
     let corner = listed_at(i);
     let a = textureLoad(listed, corner, 0);
-    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0);
-    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0);
-    let third = 1.0 - seen.weights.x - seen.weights.y;
-    var part = vec4<f32>(0.0, 0.0, 1.0, 1.0);
-    if lights.tiles_maps_texels_side.w > 1u {
-        // Between the corners' parts by the light that comes of each.
-        let sums = vec3<f32>(a.x + a.y + a.z, b.x + b.y + b.z, c.x + c.y + c.z);
-        let light = max(vec3<f32>(seen.weights, third), vec3<f32>(0.0)) * sums;
-        let whole = light.x + light.y + light.z;
-        if whole > 0.0 {
-            let rest = textureLoad(listed, corner + vec2<i32>(3, 0), 0);
-            let parts = light.x * seen_part(vec2<f32>(b.w, c.w)) + light.y * seen_part(rest.xy);
-            part = (parts + light.z * seen_part(rest.zw)) / whole;
-        }
-    }
-    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal, part);
+    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal, part_of(seen, corner));
     if visible >= 1.0 {
         return vec3<f32>(0.0);
     }
+    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0);
+    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0);
+    let third = 1.0 - seen.weights.x - seen.weights.y;
     return (1.0 - visible) * (seen.weights.x * a.xyz + seen.weights.y * b.xyz + third * c.xyz);
 }
 

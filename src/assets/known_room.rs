@@ -2,7 +2,7 @@
 
 use super::{
     error::AssetError,
-    mapped_probe, pictures,
+    kept_room, mapped_probe, pictures,
     room::{LoadedRoom, load_room},
     scene::{RoomLightSource, RoomSource},
 };
@@ -11,7 +11,7 @@ use crate::{
     model::light::EnvironmentMap,
     nearfield::{
         error::RoomError,
-        prepare::{CameraPicture, KnownRoom, RoomLight, prepare, subdivision},
+        prepare::{CameraPicture, KnownRoom, LitRoom, RoomLight, subdivision},
         probe::Probe,
         soundness::Soundness,
     },
@@ -29,6 +29,8 @@ pub struct ReadyRoom {
     pub soundness: Soundness,
     /// What is wrong with it, a sentence each.
     pub notes: Vec<String>,
+    /// Whether all that rays find came from the cache.
+    pub from_cache: bool,
 }
 
 /// Loads a room and its probe's picture and prepares it (`nearfield::prepare`). `camera`: a linear picture of the room without
@@ -44,8 +46,8 @@ pub fn make_ready(
     make_ready_with(source, camera, None, progress)
 }
 
-/// `make_ready`, with a folder in which a probe that was mapped onto its room is kept from run to run under a hash of both
-/// (`mapped_probe`).
+/// `make_ready`, with a folder in which what takes long is kept from run to run under a hash of all that goes in: a probe that
+/// was mapped onto its room (`mapped_probe`), what sources send, and the light everywhere (`kept_room`).
 ///
 /// # Errors
 /// As `make_ready`.
@@ -82,7 +84,9 @@ pub fn make_ready_with(
         }
     };
     let rest = |done: f32| progress(share + (1.0 - share) * done);
-    let known = prepare(room, &source.settings, light, camera, &rest).map_err(refused)?;
+    let lit = LitRoom::new(room, &source.settings, light, &|_| ()).map_err(refused)?;
+    let (known, from_cache) =
+        kept_room::ready(lit, &source.settings, camera, cache, &rest).map_err(refused)?;
     if let Some(probe) = &known.report.probe
         && probe.backs + probe.nothing > 0.02
     {
@@ -92,5 +96,5 @@ pub fn make_ready_with(
             100.0 * probe.nothing
         ));
     }
-    Ok(ReadyRoom { known, soundness, notes })
+    Ok(ReadyRoom { known, soundness, notes, from_cache })
 }

@@ -1,6 +1,6 @@
 //! Probes mapped onto rooms, kept in a folder from run to run under a hash of all that goes in.
 
-use super::error::AssetError;
+use super::kept::{self, Bytes, Key, Reader};
 use crate::{
     model::room::{Face, Patch, PatchVertex, Room, RoomPatches, RoomSun},
     nearfield::{
@@ -9,12 +9,10 @@ use crate::{
         probe::{self, Mapped, Probe, ProbeReport, map_probe},
     },
 };
-use glam::Vec3;
-use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Length of a SHA-256.
-const HASH: usize = 32;
+/// Its folder in the cache.
+const KIND: &str = "room";
 
 /// `map_probe`, or what an earlier run left in the folder `cache` for the same room, subdivision and probe, bit for bit. A
 /// file there that is damaged is not used and written anew; where nothing can be written, that is logged and nothing else.
@@ -30,20 +28,20 @@ pub fn of_room(
 ) -> Result<Mapped, RoomError> {
     let Some(folder) = cache else { return map_probe(room, how, probe, progress) };
     let key = key(room, how, probe);
-    let file = cache_file(folder, &key);
-    if let Some(known) = read(&file, &key) {
+    let file = kept::cache_file(folder, KIND, &key);
+    if let Some(known) = kept::read(&file, &key, decode) {
         progress(1.0);
         return Ok(known);
     }
     let mapped = map_probe(room, how, probe, progress)?;
-    if let Err(error) = write(&file, &key, &mapped) {
+    if let Err(error) = kept::write(&file, &key, &encode(&mapped)) {
         tracing::warn!("the mapped probe is not kept: {error}");
     }
     Ok(mapped)
 }
 
 /// SHA-256 of the algorithm's version and all input.
-fn key(room: &Room, how: &Subdivision, probe: &Probe<'_>) -> [u8; HASH] {
+fn key(room: &Room, how: &Subdivision, probe: &Probe<'_>) -> Key {
     let mut out = Bytes::default();
     out.number(probe::VERSION);
     out.number(room.surfaces.len() as u32);
@@ -70,69 +68,7 @@ fn key(room: &Room, how: &Subdivision, probe: &Probe<'_>) -> [u8; HASH] {
     probe.world_from_map.to_cols_array().iter().for_each(|c| out.0.extend(c.to_le_bytes()));
     out.floats(&probe.position_world.to_array());
     out.number(u32::from(probe.factor_sun));
-    Sha256::digest(&out.0).into()
-}
-
-/// Where a folder keeps what belongs to a key.
-fn cache_file(folder: &Path, key: &[u8; HASH]) -> PathBuf {
-    let name: String = key.iter().map(|b| format!("{b:02x}")).collect();
-    folder.join("room").join(format!("{name}.bin"))
-}
-
-/// Little-endian numbers, one after the other.
-#[derive(Default)]
-struct Bytes(Vec<u8>);
-
-impl Bytes {
-    fn number(&mut self, number: u32) {
-        self.0.extend(number.to_le_bytes());
-    }
-
-    fn floats(&mut self, list: &[f32]) {
-        list.iter().for_each(|x| self.0.extend(x.to_le_bytes()));
-    }
-
-    fn doubles(&mut self, list: &[f64]) {
-        list.iter().for_each(|x| self.0.extend(x.to_le_bytes()));
-    }
-}
-
-/// The other way round; `None` where the bytes end early.
-struct Reader<'a>(&'a [u8]);
-
-impl Reader<'_> {
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (first, rest) = self.0.split_first_chunk::<N>()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn number(&mut self) -> Option<u32> {
-        self.take().map(u32::from_le_bytes)
-    }
-
-    fn float(&mut self) -> Option<f32> {
-        self.take().map(f32::from_le_bytes)
-    }
-
-    fn floats(&mut self) -> Option<[f32; 3]> {
-        Some([self.float()?, self.float()?, self.float()?])
-    }
-
-    fn place(&mut self) -> Option<Vec3> {
-        self.floats().map(Vec3::from)
-    }
-
-    fn doubles(&mut self) -> Option<[f64; 3]> {
-        let mut next = || self.take().map(f64::from_le_bytes);
-        Some([next()?, next()?, next()?])
-    }
-
-    /// A list whose length stands before it; of `bytes` each at least, so that no length asks for more than there is.
-    fn list<T>(&mut self, bytes: usize, one: impl Fn(&mut Self) -> Option<T>) -> Option<Vec<T>> {
-        let count = self.number()? as usize;
-        (count.checked_mul(bytes)? <= self.0.len()).then(|| (0..count).map(|_| one(self)).collect())?
-    }
+    kept::key(&out.0)
 }
 
 fn encode(mapped: &Mapped) -> Vec<u8> {
@@ -213,29 +149,6 @@ fn decode(bytes: &[u8]) -> Option<Mapped> {
     is_whole.then_some(Mapped { patches: RoomPatches { vertices, patches, dropped_faces }, suns, report })
 }
 
-/// A file is the key, what was mapped, and the SHA-256 of both.
-fn read(file: &Path, key: &[u8; HASH]) -> Option<Mapped> {
-    let bytes = super::error::read_file(file).ok()?;
-    let (content, checksum) = bytes.split_at_checked(bytes.len().checked_sub(HASH)?)?;
-    let sound = content.starts_with(key) && <[u8; HASH]>::from(Sha256::digest(content)) == checksum;
-    if sound { decode(content.get(HASH..)?) } else { None }
-}
-
-fn write(file: &Path, key: &[u8; HASH], mapped: &Mapped) -> Result<(), AssetError> {
-    let failed = |e: std::io::Error| AssetError::new(file, "cannot be written").cause(e);
-    let mut bytes = key.to_vec();
-    bytes.extend(encode(mapped));
-    let checksum: [u8; HASH] = Sha256::digest(&bytes).into();
-    bytes.extend(checksum);
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    // A reader never sees half a file: written beside it, then moved.
-    let beside = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&beside, bytes).map_err(failed)?;
-    std::fs::rename(&beside, file).map_err(failed)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,7 +157,7 @@ mod tests {
         light::{EnvironmentMap, MapLayout},
         room::RoomSurface,
     };
-    use glam::DMat3;
+    use glam::{DMat3, Vec3};
     use proptest::prelude::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -301,8 +214,9 @@ mod tests {
             }
             assert_eq!(run(at, &room), (first.clone(), true), "damage at {damage}");
         }
-        std::fs::write(cache_file(&folder, &[0; HASH]), [0; 10]).unwrap();
-        assert!(read(&cache_file(&folder, &[0; HASH]), &[0; HASH]).is_none());
+        let (none, zeros) = ([0; kept::HASH], kept::cache_file(&folder, KIND, &[0; kept::HASH]));
+        std::fs::write(&zeros, [0; 10]).unwrap();
+        assert!(kept::read(&zeros, &none, decode).is_none());
         std::fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -5,6 +5,8 @@ pub mod case;
 pub mod dds;
 pub mod error;
 pub mod gltf;
+pub mod kept;
+pub mod kept_room;
 pub mod known_room;
 pub mod mapped_probe;
 pub mod normals;

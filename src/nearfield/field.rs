@@ -4,28 +4,24 @@
 use super::{
     error::RoomError,
     octree::Octree,
-    packed::{BLOCK, BlockSums, PackedRow, Transfers, unpack},
-    sets::{budget_threshold, source_set},
+    packed::{BLOCK, BlockSums, Transfers, unpack},
+    sent::{Ends, Sent},
+    sets::budget_threshold,
     shaft::Aabb,
     shafts::ShaftHierarchy,
     sums::NodeSums,
-    transfer::{SourceOutline, Statics},
 };
 use crate::{
     math::color,
-    model::room::{Patch, PatchVertex, Room, RoomPatches},
+    model::room::{Room, RoomPatches},
     sources::tree::SourceTree,
 };
-use glam::Vec3;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Share of the progress that the transfers take.
-const TRANSFERS_SHARE: f32 = 0.8;
+pub use super::sent::Source;
 
-/// In the tree over sources, patches stand this share of the room's diagonal behind themselves: so those of different
-/// walls part early, though they adjoin.
-const APART: f32 = 0.2;
+/// Share of the progress that `Sent::find` takes.
+const SENT_SHARE: f32 = 0.8;
 
 /// What is spent on a room.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,21 +39,6 @@ impl Default for Preparation {
     fn default() -> Self {
         Self { power_share: 0.7, rays_side: 1, neglected: 0.02 }
     }
-}
-
-/// A source: a patch of the set, in the source tree's own order.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
-    /// Index of the patch.
-    pub patch: u32,
-    /// Where its shadow is drawn from: its centroid, world frame, metres.
-    pub centre_world: Vec3,
-    /// Unit vector away from its front, world frame.
-    pub normal_world: Vec3,
-    /// Its radiance, linear RGB.
-    pub radiance_rgb: [f32; 3],
-    /// Its luminance.
-    pub luminance: f32,
 }
 
 /// What was built.
@@ -137,72 +118,30 @@ impl NearField {
         how: &Preparation,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Self, RoomError> {
-        check(how)?;
-        let all = &patches.patches;
-        let set = source_set(all, f64::from(how.power_share));
-        if set.patches.is_empty() {
-            return Err(RoomError::NoLight { patches: all.len() });
-        }
-        let reflects = |p: &Patch| p.reflectance_rgb.iter().any(|c| *c > 0.0);
-        let receivers: Vec<u32> = (0..all.len() as u32).filter(|&i| reflects(&all[i as usize])).collect();
-        if receivers.is_empty() {
-            return Err(RoomError::NoReceivers { patches: all.len() });
-        }
-        let bounds = Aabb::around(patches.vertices.iter().map(|v| v.position_world));
-        let apart = APART * bounds.diagonal();
-        let place = |i: &u32| all[*i as usize].centre_world - all[*i as usize].normal_world * apart;
-        let places: Vec<Vec3> = set.patches.iter().map(place).collect();
-        let power = |i: &u32| color::luminance(all[*i as usize].radiance_rgb) * all[*i as usize].area_m2;
-        let powers: Vec<f32> = set.patches.iter().map(power).collect();
-        let source_tree = SourceTree::build(&places, &powers);
-        let sources: Vec<Source> =
-            source_tree.order().iter().map(|&i| source(all, set.patches[i as usize])).collect();
-        let scatters_m2 = sources.iter().map(|s| scatter_m2(&patches, s)).collect();
-        let source_boxes = node_boxes(&source_tree, &sources, &patches);
-        let boxes: Vec<Aabb> = receivers.iter().map(|&i| patch_box(&patches, i)).collect();
-        let octree = Octree::build(&boxes);
+        let ends = Ends::of(&patches, how)?;
+        let sent = Sent::find(room, &patches, &ends, how, &|share| progress(SENT_SHARE * share));
+        Ok(Self::of(patches, ends, sent, how, progress))
+    }
 
-        let receiving = receiving_vertices(&patches, &receivers);
-        let statics = Statics::new(room);
-        let done = AtomicUsize::new(0);
-        let rows: Vec<(PackedRow, Vec<u16>)> = sources
-            .par_iter()
-            .enumerate()
-            .map_init(
-                || vec![0.0f32; patches.vertices.len()],
-                |dense, (index, source)| {
-                    let patch = &all[source.patch as usize];
-                    let outline = SourceOutline::new(&patches, patch, index as u32);
-                    for (i, (slot, vertex)) in dense.iter_mut().zip(&patches.vertices).enumerate() {
-                        *slot = if receiving[i] {
-                            let (at, normal) = (vertex.gather_world, vertex.normal_world);
-                            outline.transfer(&statics, at, normal, i as u32, how.rays_side)
-                        } else {
-                            0.0
-                        };
-                    }
-                    let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(TRANSFERS_SHARE * finished as f32 / sources.len() as f32);
-                    let sums = NodeSums::of_source(&patches, &receivers, &octree, dense);
-                    (PackedRow::from_dense(dense), sums)
-                },
-            )
-            .collect();
-        let (rows, row_sums): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
-        let transfers = Transfers::of(&rows);
-        drop(rows);
-        let sums = NodeSums::of(&patches, &receivers, &octree, &row_sums);
-        drop(row_sums);
-
+    /// As `build`, of what was found before for the same room, patches and settings.
+    pub fn of(
+        patches: RoomPatches,
+        ends: Ends,
+        sent: Sent,
+        how: &Preparation,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Self {
+        let Ends { set, sources, source_tree, source_boxes, scatters_m2, receivers, octree, receiving } =
+            ends;
+        let Sent { transfers, sums, rest_rgb } = sent;
         let mut kept_rgb = vec![[0.0f32; 3]; patches.vertices.len()];
         let mut planes: BlockSums = BlockSums::default();
         planes.want(&(0..patches.vertices.len() as u32).collect::<Vec<_>>(), patches.vertices.len());
         transfers.add_to(sources.iter().map(|s| s.radiance_rgb).enumerate(), &mut planes);
         planes.take(&mut kept_rgb);
-        let rest = rest_of_light(&patches, &set.patches, &receiving, &statics);
         let gathered_rgb: Vec<[f32; 3]> = kept_rgb
             .iter()
-            .zip(&rest)
+            .zip(&rest_rgb)
             .map(|(kept, rest)| std::array::from_fn(|c| kept[c] + rest[c]))
             .collect();
         progress(0.9);
@@ -242,7 +181,7 @@ impl NearField {
         };
         field.report = field.examine(set.left_out, set.power_share, neglected_worst);
         progress(1.0);
-        Ok(field)
+        field
     }
 
     /// T = F V of each source at every vertex, in the order of `sources`; in 16 bits, wrong by at most one in 4096.
@@ -307,96 +246,6 @@ impl NearField {
             bytes: self.bytes(),
         }
     }
-}
-
-fn check(how: &Preparation) -> Result<(), RoomError> {
-    let refuse =
-        |setting, value: f64, allowed| Err(RoomError::Setting { setting, value: value.to_string(), allowed });
-    if !(how.power_share > 0.0 && how.power_share <= 1.0) {
-        return refuse("power_share", how.power_share.into(), "above 0 and at most 1");
-    }
-    if !(1..=8).contains(&how.rays_side) {
-        return refuse("rays_side", how.rays_side.into(), "within 1 to 8");
-    }
-    if !(0.0..=0.5).contains(&how.neglected) {
-        return refuse("neglected", how.neglected.into(), "within 0 to 0.5");
-    }
-    Ok(())
-}
-
-fn source(all: &[Patch], index: u32) -> Source {
-    let patch = &all[index as usize];
-    Source {
-        patch: index,
-        centre_world: patch.centre_world,
-        normal_world: patch.normal_world,
-        radiance_rgb: patch.radiance_rgb,
-        luminance: color::luminance(patch.radiance_rgb),
-    }
-}
-
-/// A parallelogram about its middle has the scatter of its sides over 12; a triangle's is that of its corners over 12.
-fn scatter_m2(patches: &RoomPatches, source: &Source) -> [f32; 6] {
-    let (corners, count) = patches.outline_world(&patches.patches[source.patch as usize]);
-    let [a, b, c, d] = corners.map(|c| c.as_dvec3());
-    let middle = source.centre_world.as_dvec3();
-    let arms = if count == 4 {
-        [(b - a + c - d) * 0.5, (d - a + c - b) * 0.5, glam::DVec3::ZERO]
-    } else {
-        [a - middle, b - middle, c - middle]
-    };
-    let sum = |i: usize, j: usize| (arms.iter().map(|v| v[i] * v[j]).sum::<f64>() / 12.0) as f32;
-    [sum(0, 0), sum(0, 1), sum(0, 2), sum(1, 1), sum(1, 2), sum(2, 2)]
-}
-
-fn patch_box(patches: &RoomPatches, index: u32) -> Aabb {
-    let (corners, count) = patches.outline_world(&patches.patches[index as usize]);
-    Aabb::around(corners[..count].iter().copied())
-}
-
-fn node_boxes(tree: &SourceTree, sources: &[Source], patches: &RoomPatches) -> Vec<Aabb> {
-    let mut boxes = vec![Aabb::EMPTY; tree.nodes().len()];
-    for (i, node) in tree.nodes().iter().enumerate().rev() {
-        boxes[i] = if node.is_leaf() {
-            patch_box(patches, sources[node.begin as usize].patch)
-        } else {
-            boxes[node.children as usize].join(&boxes[node.children as usize + 1])
-        };
-    }
-    boxes
-}
-
-fn receiving_vertices(patches: &RoomPatches, receivers: &[u32]) -> Vec<bool> {
-    let mut receiving = vec![false; patches.vertices.len()];
-    for &i in receivers {
-        for &v in patches.patches[i as usize].corners() {
-            receiving[v as usize] = true;
-        }
-    }
-    receiving
-}
-
-/// What all patches outside of the set send to each vertex, by one ray each.
-fn rest_of_light(patches: &RoomPatches, set: &[u32], receiving: &[bool], statics: &Statics) -> Vec<[f32; 3]> {
-    let mut in_set = vec![false; patches.patches.len()];
-    set.iter().for_each(|&i| in_set[i as usize] = true);
-    let rest: Vec<(SourceOutline, [f32; 3])> = (patches.patches.iter().zip(&in_set))
-        .filter(|(patch, in_set)| !**in_set && color::luminance(patch.radiance_rgb) > 0.0)
-        .enumerate()
-        .map(|(i, (patch, _))| (SourceOutline::new(patches, patch, i as u32), patch.radiance_rgb))
-        .collect();
-    let gather = |(index, vertex): (usize, &PatchVertex)| {
-        let mut sum = [0.0f32; 3];
-        if receiving[index] {
-            for (outline, radiance) in &rest {
-                let transfer =
-                    outline.transfer(statics, vertex.gather_world, vertex.normal_world, index as u32, 1);
-                sum.iter_mut().zip(radiance).for_each(|(sum, c)| *sum += c * transfer);
-            }
-        }
-        sum
-    };
-    patches.vertices.par_iter().enumerate().map(gather).collect()
 }
 
 /// For each vertex the luminance from which on a source counts, and the largest share neglected anywhere.

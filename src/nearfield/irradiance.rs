@@ -11,13 +11,15 @@ use crate::{
     },
     model::{
         light::RadianceSh,
-        room::{Patch, Room},
+        room::{Patch, Room, RoomPatches},
     },
 };
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// Belongs to what [`IrradianceVolume::build`] gives: another number where the same input gives something else.
+pub const VERSION: u32 = 1;
 /// Places at most; a finer grid is made coarser.
 pub const MOST_PLACES: usize = 4096;
 /// Texels a side of what a place knows of the distances around it.
@@ -43,7 +45,7 @@ impl Default for VolumeSettings {
 }
 
 /// One place of the grid.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Place {
     light: RadianceSh,
     /// Mean distance and mean squared distance to the room, texel by texel of the octahedral square.
@@ -52,7 +54,7 @@ struct Place {
 }
 
 /// The light of a room on a grid.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct IrradianceVolume {
     /// The first place, and the step between places.
     first: Vec3,
@@ -73,8 +75,31 @@ impl IrradianceVolume {
         how: &VolumeSettings,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Self {
+        let mut volume = Self::laid(&field.patches, how);
+        let Self { first, spacing_m, counts, order, .. } = volume;
+        let statics = Statics::new(room);
+        let shining: Vec<(usize, [f32; 3])> = (field.patches.patches.iter().enumerate())
+            .map(|(i, patch)| (i, sent_out(field, patch)))
+            .filter(|(_, rgb)| color::luminance(*rgb) > 0.0)
+            .collect();
+        let done = AtomicUsize::new(0);
+        let total: usize = counts.iter().product();
+        volume.places = (0..total)
+            .into_par_iter()
+            .map(|index| {
+                let at = first + spacing_m * step_of(index, counts).as_vec3();
+                let place = gather(field, &statics, &shining, at, order);
+                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / total as f32);
+                place
+            })
+            .collect();
+        volume
+    }
+
+    /// The grid alone, without any light.
+    fn laid(patches: &RoomPatches, how: &VolumeSettings) -> Self {
         let order = how.order.clamp(2, MAX_ORDER);
-        let corners = field.patches.vertices.iter().map(|v| v.position_world);
+        let corners = patches.vertices.iter().map(|v| v.position_world);
         let (low, high) =
             corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         let size = (high - low).max(Vec3::splat(1e-3));
@@ -88,27 +113,46 @@ impl IrradianceVolume {
         // The grid's middle is the room's.
         let span = Vec3::from_array(counts.map(|n| (n - 1) as f32)) * spacing_m;
         let first = low.midpoint(high) - 0.5 * span;
-        let statics = Statics::new(room);
-        let shining: Vec<(usize, [f32; 3])> = (field.patches.patches.iter().enumerate())
-            .map(|(i, patch)| (i, sent_out(field, patch)))
-            .filter(|(_, rgb)| color::luminance(*rgb) > 0.0)
-            .collect();
-        let done = AtomicUsize::new(0);
-        let total: usize = counts.iter().product();
-        let places = (0..total)
-            .into_par_iter()
-            .map(|index| {
-                let at = first + spacing_m * step_of(index, counts).as_vec3();
-                let place = gather(field, &statics, &shining, at, order);
-                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / total as f32);
-                place
-            })
-            .collect();
         let mut z = [0.0f64; MAX_ORDER];
         zonal::lambert(order, &mut z);
         let lambert =
             std::array::from_fn(|l| ((4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * z[l]) as f32);
-        Self { first, spacing_m, counts, places, order, lambert }
+        Self { first, spacing_m, counts, places: Vec::new(), order, lambert }
+    }
+
+    /// All that it has learnt of the room, place by place, to be kept.
+    pub fn numbers(&self) -> Vec<f32> {
+        let mut out = Vec::with_capacity(self.places.len() * numbers_a_place(self.order));
+        for place in &self.places {
+            out.push(if place.is_inside { 1.0 } else { 0.0 });
+            out.extend_from_slice(place.distances.as_flattened());
+            out.extend_from_slice(place.light.rows().as_flattened());
+        }
+        out
+    }
+
+    /// The volume that `numbers` are of, which was built for the same patches and settings; `None` where there are too few or
+    /// too many.
+    pub fn from_numbers(patches: &RoomPatches, how: &VolumeSettings, numbers: &[f32]) -> Option<Self> {
+        let mut volume = Self::laid(patches, how);
+        let (total, each) = (volume.counts.iter().product::<usize>(), numbers_a_place(volume.order));
+        if numbers.len() != total * each {
+            return None;
+        }
+        volume.places.reserve_exact(total);
+        for numbers in numbers.chunks_exact(each) {
+            let (is_inside, rest) = numbers.split_first()?;
+            let (distances, rows) = rest.split_at_checked(2 * DISTANCES_SIDE * DISTANCES_SIDE)?;
+            let mut place = Place {
+                light: RadianceSh::zero(volume.order),
+                distances: [[0.0; 2]; DISTANCES_SIDE * DISTANCES_SIDE],
+                is_inside: *is_inside != 0.0,
+            };
+            place.distances.as_flattened_mut().copy_from_slice(distances);
+            place.light.rgb.as_flattened_mut().get_mut(..rows.len())?.copy_from_slice(rows);
+            volume.places.push(place);
+        }
+        Some(volume)
     }
 
     /// SH order of its light.
@@ -209,6 +253,11 @@ impl Place {
         let beyond = distance - mean;
         (variance / (variance + beyond * beyond)).powi(3)
     }
+}
+
+/// How many numbers a place is kept as.
+fn numbers_a_place(order: usize) -> usize {
+    1 + 2 * DISTANCES_SIDE * DISTANCES_SIDE + 3 * order * order
 }
 
 fn step_of(index: usize, counts: [usize; 3]) -> glam::UVec3 {

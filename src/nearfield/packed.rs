@@ -118,6 +118,36 @@ impl Transfers {
         out
     }
 
+    /// Bits of the blocks that each source has, 64 a word and the same number of words each; where each source's blocks begin;
+    /// all blocks.
+    pub fn parts(&self) -> (&[u64], &[u32], &[[u16; BLOCK]]) {
+        (&self.bits, &self.first, &self.values)
+    }
+
+    /// Of its parts, for so many vertices; `None` where they do not fit together.
+    pub fn from_parts(
+        vertices: usize,
+        bits: Vec<u64>,
+        first: Vec<u32>,
+        values: Vec<[u16; BLOCK]>,
+    ) -> Option<Self> {
+        let words = if first.is_empty() { 0 } else { words(vertices) };
+        if bits.len() != first.len().checked_mul(words)? {
+            return None;
+        }
+        let blocks = vertices.div_ceil(BLOCK);
+        let mut begin = 0u32;
+        for (row, first) in bits.chunks(words.max(1)).zip(&first) {
+            let beyond =
+                row.last().is_some_and(|last| !blocks.is_multiple_of(64) && last >> (blocks % 64) != 0);
+            if *first != begin || beyond {
+                return None;
+            }
+            begin = begin.checked_add(row.iter().map(|word| word.count_ones()).sum())?;
+        }
+        (begin as usize == values.len()).then_some(Self { words, bits, first, values })
+    }
+
     /// First vertex and values of each block of a source, in order; the last block's may reach past the last vertex.
     pub fn blocks(&self, source: usize) -> impl Iterator<Item = (usize, &[u16; BLOCK])> {
         let bits = &self.bits[source * self.words..(source + 1) * self.words];
@@ -235,6 +265,10 @@ mod tests {
             let mut sums = BlockSums::default();
             let every: Vec<u32> = (0..count as u32).collect();
             let (mut dense, mut out) = (vec![1.0; count], vec![[9.0; 3]; count]);
+            let (bits, first, values) = all.parts();
+            let again = |vertices| Transfers::from_parts(vertices, bits.to_vec(), first.to_vec(), values.to_vec());
+            prop_assert_eq!(&again(count).unwrap_or_default(), &all);
+            prop_assert_eq!(again(count + 64 * BLOCK), None);
             for (source, row) in rows.iter().enumerate() {
                 all.dense(source, &mut dense);
                 for (i, value) in row.iter().enumerate() {
@@ -256,6 +290,20 @@ mod tests {
             sums.take(&mut out);
             prop_assert!(out.iter().skip(BLOCK).all(|c| *c == [0.0; 3]));
         }
+    }
+
+    #[test]
+    fn parts_that_do_not_fit_are_refused() {
+        let all = Transfers::of(&[PackedRow::from_dense(&[0.5; 70]), PackedRow::from_dense(&[0.0; 70])]);
+        let (bits, first, values) = (vec![0b111, 0], vec![0, 3], vec![[1u16; BLOCK]; 3]);
+        assert_eq!(all.parts().0, &bits[..]);
+        let of = |bits: &[u64], first: &[u32], blocks: usize| {
+            Transfers::from_parts(70, bits.to_vec(), first.to_vec(), values[..blocks].to_vec())
+        };
+        assert!(of(&bits, &first, 3).is_some());
+        assert!(of(&bits, &first, 2).is_none() && of(&bits, &[0, 2], 3).is_none());
+        assert!(of(&bits[..1], &first, 3).is_none() && of(&[0b1110, 0], &first, 3).is_none());
+        assert!(of(&[], &[], 0).is_some());
     }
 
     #[test]

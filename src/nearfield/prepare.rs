@@ -8,6 +8,7 @@ use super::{
     patches::{MAX_PATCHES, Subdivision, subdivide},
     probe::{Mapped, Probe, ProbeReport, map_probe},
     reflectance::{ReflectanceReport, measure_reflectance},
+    sent::{Ends, Sent},
     suns::sun_at_vertices,
 };
 use crate::{
@@ -15,7 +16,7 @@ use crate::{
     model::{
         image::RadianceImage,
         light::EnvironmentMap,
-        room::{Face, Room, RoomSun},
+        room::{Face, Room, RoomPatches, RoomSun},
     },
 };
 use glam::{DMat3, Vec3};
@@ -24,6 +25,10 @@ use glam::{DMat3, Vec3};
 pub const PATCH_SIZES_M: (f32, f32) = (0.005, 10.0);
 /// Share of the progress that mapping the light takes.
 const LIGHT_SHARE: f32 = 0.2;
+/// Share of the progress when it is known what all sources send.
+const SENT_BY: f32 = 0.7;
+/// Share of the rest that hierarchies take.
+const FIELD_SHARE: f32 = 0.3;
 
 /// How a room is prepared.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,6 +119,79 @@ pub struct RoomReport {
     pub reflectance: Option<ReflectanceReport>,
 }
 
+/// A room with its light, not made ready yet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LitRoom {
+    /// As given.
+    pub room: Room,
+    /// Divided, with what each patch sends out.
+    pub patches: RoomPatches,
+    /// Suns that shine in.
+    pub suns: Vec<RoomSun>,
+    /// What was done.
+    pub report: RoomReport,
+}
+
+impl LitRoom {
+    /// Divides a room and gives its patches their light. `progress` as for [`prepare`].
+    ///
+    /// # Errors
+    /// A setting out of range; no face that has an area; a probe that is not in the room, or whose picture has the wrong
+    /// shape.
+    pub fn new(
+        room: Room,
+        how: &RoomSettings,
+        light: RoomLight<'_>,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<Self, RoomError> {
+        let (area_m2, subdivision) = (area_m2(&room), subdivision(&room, how)?);
+        let (patches, suns, probe) = match light {
+            RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
+            RoomLight::Probe { map, world_from_map, position_world, factor_sun } => {
+                let probe = Probe { map, world_from_map, position_world, factor_sun };
+                let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, progress)?;
+                (patches, suns, Some(report))
+            }
+            RoomLight::Mapped(mapped) => {
+                (mapped.patches.clone(), mapped.suns.clone(), Some(mapped.report.clone()))
+            }
+        };
+        progress(1.0);
+        let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
+        Ok(Self { room, patches, suns, report })
+    }
+
+    /// Makes it ready, of what its sources send (`Sent::find`, or kept of the same room and settings); `volume`: its light
+    /// everywhere, kept of the same, or else it is gathered now. `progress` as for [`prepare`].
+    ///
+    /// # Errors
+    /// A camera's picture that is not of its lens's size.
+    pub fn ready(
+        self,
+        (ends, sent): (Ends, Sent),
+        volume: Option<IrradianceVolume>,
+        how: &RoomSettings,
+        camera: Option<&CameraPicture<'_>>,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<KnownRoom, RoomError> {
+        let Self { room, patches, suns, report } = self;
+        let field =
+            NearField::of(patches, ends, sent, &how.preparation, &|share| progress(FIELD_SHARE * share));
+        let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
+        let reflectance_measured = vec![false; field.patches.patches.len()];
+        let volume = volume.unwrap_or_else(|| {
+            let by = |share: f32| progress(FIELD_SHARE + (1.0 - FIELD_SHARE) * share);
+            IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &by)
+        });
+        let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
+        if let Some(camera) = camera {
+            known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
+        }
+        progress(1.0);
+        Ok(known)
+    }
+}
+
 /// Makes a room ready. `progress` is told the share done, 0 to 1, from several threads, in no strict order. The result
 /// does not depend on the number of threads.
 ///
@@ -127,32 +205,12 @@ pub fn prepare(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<KnownRoom, RoomError> {
-    let (area_m2, subdivision) = (area_m2(&room), subdivision(&room, how)?);
-    let lit = |share: f32| progress(LIGHT_SHARE * share);
-    let (patches, suns, probe) = match light {
-        RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
-        RoomLight::Probe { map, world_from_map, position_world, factor_sun } => {
-            let probe = Probe { map, world_from_map, position_world, factor_sun };
-            let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, &lit)?;
-            (patches, suns, Some(report))
-        }
-        RoomLight::Mapped(mapped) => {
-            (mapped.patches.clone(), mapped.suns.clone(), Some(mapped.report.clone()))
-        }
-    };
-    lit(1.0);
-    let rest = |share: f32| progress(LIGHT_SHARE + (1.0 - LIGHT_SHARE) * share);
-    let field = NearField::build(&room, patches, &how.preparation, &rest)?;
-    let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
-    let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
-    let reflectance_measured = vec![false; field.patches.patches.len()];
-    let volume = IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &|_| ());
-    let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
-    if let Some(camera) = camera {
-        known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
-    }
-    progress(1.0);
-    Ok(known)
+    let lit = LitRoom::new(room, how, light, &|share| progress(LIGHT_SHARE * share))?;
+    let ends = Ends::of(&lit.patches, &how.preparation)?;
+    let sent = Sent::find(&lit.room, &lit.patches, &ends, &how.preparation, &|share| {
+        progress(LIGHT_SHARE + (SENT_BY - LIGHT_SHARE) * share);
+    });
+    lit.ready((ends, sent), None, how, camera, &|share| progress(SENT_BY + (1.0 - SENT_BY) * share))
 }
 
 /// How a room is divided by its settings.

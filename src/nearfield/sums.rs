@@ -49,6 +49,20 @@ impl NodeSums {
         sums.iter().zip(&areas).map(|(sum, area)| if *area > 0.0 { pack(sum / area) } else { 0 }).collect()
     }
 
+    /// Area of each node's receivers, square metres, and the means node by node.
+    pub fn parts(&self) -> (&[f32], &[u16]) {
+        (&self.areas_m2, &self.means)
+    }
+
+    /// Of its parts, for so many sources; `None` where they do not fit together.
+    pub fn from_parts(sources: usize, areas_m2: Vec<f32>, means: Vec<u16>) -> Option<Self> {
+        (Some(means.len()) == areas_m2.len().checked_mul(sources)).then_some(Self {
+            sources,
+            areas_m2,
+            means,
+        })
+    }
+
     /// Area of a node's receivers, square metres.
     pub fn area_m2(&self, node: usize) -> f32 {
         self.areas_m2[node]

@@ -79,8 +79,8 @@ pub struct Arguments {
     /// Where the panoramas are seen from, metres (default: the probe's place, else the middle of the room).
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<String>,
-    /// Map the probe anew although the user's cache folder ($XDG_CACHE_HOME/halflight or ~/.cache/halflight) knows it, and keep
-    /// nothing.
+    /// Find everything anew although the user's cache folder ($XDG_CACHE_HOME/halflight or ~/.cache/halflight) knows the room,
+    /// and keep nothing.
     #[arg(long)]
     pub fresh: bool,
     /// Rows of the panoramas, 64 to 4096.
@@ -268,6 +268,7 @@ fn report(ready: &ReadyRoom, seconds: f64) -> Value {
     });
     json!({
         "seconds": seconds,
+        "from_cache": ready.from_cache,
         "area_m2": known.report.area_m2,
         "patches": field.patches,
         "patches_wanted": known.report.patches_wanted,
@@ -302,7 +303,7 @@ fn table(ready: &ReadyRoom, seconds: f64) -> String {
     let mut lines = format!(
         "{} patches ({} corners) of {:.1} m2, {} of them receivers\n\
          {} sources with {:.1} % of the power; {} more shine: they send {:.1} % of the light in the mean, {:.1} % at worst\n\
-         shafts {:.2} MiB, transfers {:.2} MiB, ready after {seconds:.2} s",
+         shafts {:.2} MiB, transfers {:.2} MiB, ready after {seconds:.2} s{}",
         field.patches,
         field.vertices,
         known.report.area_m2,
@@ -314,6 +315,7 @@ fn table(ready: &ReadyRoom, seconds: f64) -> String {
         100.0 * field.lost_worst,
         mib(field.shaft_bytes),
         mib(field.transfer_bytes),
+        if ready.from_cache { ", its light from the cache" } else { "" },
     );
     if let Some(probe) = &known.report.probe {
         lines += &format!(
