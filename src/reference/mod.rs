@@ -60,7 +60,7 @@ pub struct TraceSettings {
 
 impl Default for TraceSettings {
     fn default() -> Self {
-        Self { samples: 512, samples_a_pass: 32, bounces: 0, seed: 0, step_px: 1, shadow_noise: None }
+        Self { samples: 512, samples_a_pass: 64, bounces: 0, seed: 0, step_px: 1, shadow_noise: None }
     }
 }
 
