@@ -21,6 +21,24 @@ pub fn irradiance(d_channel: [f32; 3], w: [f32; 3]) -> f32 {
     d_channel.iter().zip(w).map(|(d, w)| d * w).sum()
 }
 
+/// Solid angle of a mirror ball's picture over its area, both normalised to the outline, by the formula of a camera in
+/// perspective: `q` is radius over distance, `r` the place.
+pub fn ball_jacobian(q: f32, r: f32) -> f32 {
+    let tangent = q.asin().tan();
+    let psi = (r * tangent).atan();
+    let theta = 2.0 * (psi.sin() / q).asin() - psi;
+    theta.sin()
+        * (2.0 * psi.cos() / (q * q - psi.sin() * psi.sin()).sqrt() - 1.0)
+        * tangent
+        * psi.cos().powi(2)
+        / r
+}
+
+/// The polar angle of an angular map (Eq. 6 of [Now11]): pi r.
+pub fn angular_map_angle(r: f32) -> f32 {
+    std::f32::consts::PI * r
+}
+
 /// One sum from the first number to the last.
 pub fn running_sum(numbers: impl IntoIterator<Item = f32>) -> f32 {
     numbers.into_iter().fold(0.0, |sum, number| sum + number)
