@@ -9,9 +9,10 @@ mod nearfield;
 mod opencv;
 mod project_sh;
 mod room;
+mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 8] = [
+    let all: [(&str, fn()); 9] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
@@ -19,6 +20,7 @@ fn main() {
         ("naive", naive::run),
         ("nearfield", nearfield::run),
         ("room", room::run),
+        ("trace", trace::run),
         ("frame", frame::run),
     ];
     // Cargo itself adds `--bench`.

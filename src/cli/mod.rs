@@ -17,6 +17,7 @@ pub mod spheres;
 pub mod stress;
 pub mod synth;
 pub mod tags;
+pub mod trace;
 
 pub use common::{CliError, Common};
 use std::process::ExitCode;
@@ -40,6 +41,8 @@ pub enum Verb {
     Replay(replay::Arguments),
     /// Draw one still of a scene file or of a reference case.
     Render(render::Arguments),
+    /// Trace a still: ground truth with and without the objects, with its own noise.
+    Trace(trace::Arguments),
     /// Show how pictures come about, part by part.
     Figures(figures::Arguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
@@ -73,6 +76,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode, CliError> {
         Verb::Stress(a) => return stress::run(a, common),
         Verb::Replay(a) => replay::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Trace(a) => trace::run(a, common),
         Verb::Figures(a) => figures::run(a, common),
         Verb::Light(a) => light::run(a, common),
         Verb::Hdr(a) => hdr::run(a, common),

@@ -261,6 +261,12 @@ impl Work {
                     timed(timings, planned.pass, || self.subtract(input, &view, &light, &plan.quality));
                     ratio_drawn = true;
                 }
+                Pass::SubtractDisplayed => {
+                    timed(timings, planned.pass, || {
+                        self.subtract_displayed(input, &view, &light, &plan.quality);
+                    });
+                    ratio_drawn = true;
+                }
                 Pass::ShadeObject => {
                     timed(timings, planned.pass, || {
                         self.shade_object(input, &view, &light, &plan.quality);

@@ -5,7 +5,7 @@ use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     blocker::SHADER_SPHERES,
     light::Lights,
-    quality::Quality,
+    quality::{NearForm, Quality},
     scene::{Scene, VirtualObject},
 };
 use glam::{DVec2, DVec3, Vec3};
@@ -37,7 +37,9 @@ impl Occasion<'_> {
 /// reason, and each left out with its reason.
 ///
 /// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
-/// hide some of them; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
+/// hide some of them, or `SubtractDisplayed` in its place (`Quality::near_form`): it subtracts from what an 8-bit display shows
+/// of the place alone, before any object is drawn over it, so that objects need no mask and keep their clean edges, and hands
+/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light.
@@ -137,7 +139,18 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     };
     decide(Pass::SoftShadow, soft);
     decide(Pass::PointMaps, near);
-    decide(Pass::Subtract, near);
+    let (ratio, displayed) = match (near, quality.near_form) {
+        (Err(reason), _) => (Err(reason), Err(reason)),
+        (Ok(reason), NearForm::Ratio) => {
+            (Ok(reason), Err("the known room's light is taken in linear light, as a ratio"))
+        }
+        (Ok(_), NearForm::Ldr) => (
+            Err("the known room's light is taken from 8-bit values"),
+            Ok("virtual objects stand in a known room, and 8-bit values were asked for"),
+        ),
+    };
+    decide(Pass::Subtract, ratio);
+    decide(Pass::SubtractDisplayed, displayed);
     let shade = if !draw {
         Err("no picture is drawn")
     } else if !objects {
@@ -361,6 +374,11 @@ mod tests {
             let with_sun = [ShadowMaps, PointMaps, Subtract, ShadeObject, Composite, Tonemap];
             assert_eq!(passes(&Occasion::SHOW, &place, &sun(to_light, 2.0)), with_sun);
         }
+        // From 8-bit values instead.
+        let mut out = FramePlan::default();
+        let ldr = Quality { near_form: NearForm::Ldr, ..Quality::default() };
+        plan(&Occasion::SHOW, &place, &light, &ldr, &mut out);
+        assert!(out.has(Pass::SubtractDisplayed) && !out.has(Subtract) && out.has(PointMaps));
         // Nothing virtual: nothing is taken.
         place.objects.clear();
         assert_eq!(passes(&Occasion::SHOW, &place, &sun(UP, 2.0)), [Composite, Tonemap]);

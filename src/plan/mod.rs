@@ -22,6 +22,8 @@ pub enum Pass {
     PointMaps,
     /// `nearfield/subtract`: what virtual objects leave of a known room's light, as a ratio for each pixel.
     Subtract,
+    /// `nearfield/subtract_displayed`: the same, taken from 8-bit values light by light.
+    SubtractDisplayed,
     /// `compose/shade_object`: objects into a layer of premultiplied radiance and coverage, hidden by real surfaces.
     ShadeObject,
     /// `compose/shade_surface`: what virtual objects leave of the light on real surfaces, as a ratio for each pixel.
@@ -43,6 +45,7 @@ impl Pass {
             Self::SoftShadow => "compose/soft_shadow",
             Self::PointMaps => "visibility/point_maps",
             Self::Subtract => "nearfield/subtract",
+            Self::SubtractDisplayed => "nearfield/subtract_displayed",
             Self::ShadeObject => "compose/shade_object",
             Self::ShadeSurface => "compose/shade_surface",
             Self::Composite => "compose/composite",
@@ -51,7 +54,7 @@ impl Pass {
     }
 
     /// All passes in the order in which a frame runs them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::MergeBracket,
         Self::UnwrapBall,
         Self::ProjectSh,
@@ -59,6 +62,7 @@ impl Pass {
         Self::SoftShadow,
         Self::PointMaps,
         Self::Subtract,
+        Self::SubtractDisplayed,
         Self::ShadeObject,
         Self::ShadeSurface,
         Self::Composite,
