@@ -199,6 +199,18 @@ pub fn pixel_number(x: u32, y: u32, width: u32) -> f32 {
     y as f32 * width as f32 + x as f32
 }
 
+/// T of a display of gamma 2.2: 0 to 255, cut at white.
+pub fn displayed(light: f32) -> f32 {
+    255.0 * light.clamp(0.0, 1.0).powf(1.0 / 2.2)
+}
+
+/// Values that are left of a shown pixel where each light `share` of so many is taken from the 8-bit value by itself,
+/// S = T(X) - T(X (1 - share)) of the pixel's own light X, rounded.
+pub fn left_of_display(light: f32, share: f32, count: usize) -> f32 {
+    let each = (displayed(light) - displayed(light * (1.0 - share))).round();
+    (displayed(light) - each * count as f32).max(0.0)
+}
+
 /// A number that is kept as a half float.
 pub fn half(number: f32) -> f32 {
     f16::from_f32(number).to_f32()

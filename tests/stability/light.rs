@@ -258,12 +258,25 @@ fn continuous(engine: &mut dyn Engine) {
     }
 }
 
+/// More texels than many devices take in one piece (128 MiB).
+fn large(engine: &mut dyn Engine) {
+    let map =
+        EnvironmentMap { layout: MapLayout::Equirect, radiance: Image::filled(4096, 2112, [1.0, 1e6, 0.0]) };
+    let light = measure(engine, &map, 2).total;
+    for (c, want) in light.rgb[0].iter().zip([1.0, 1e6, 0.0]) {
+        let mean = f64::from(*c) / (4.0 * std::f64::consts::PI).sqrt();
+        // Solid angles of 8.6 million texels, rounded to f32, and their sum as a tree.
+        assert!((mean - want).abs() <= 1e-6 * want, "{mean} for {want}");
+    }
+}
+
 pub fn all(engine: &mut dyn Engine) {
     bounds(engine);
     scaled(engine);
     exchanged(engine);
     turned(engine);
     continuous(engine);
+    large(engine);
 }
 
 engines::on_each!("light::gl");

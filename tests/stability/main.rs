@@ -17,3 +17,4 @@ mod pictures;
 mod poses;
 mod random;
 mod table;
+mod verb;

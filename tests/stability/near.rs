@@ -14,7 +14,7 @@ use halflight::{
         image::HdrImage,
         light::{Lights, RadianceSh},
         picture::Picture,
-        quality::Quality,
+        quality::{NearForm, Quality},
         response::Response,
         scene::{Material, VirtualObject},
         time::Timestamp,
@@ -238,7 +238,7 @@ fn known() -> Arc<KnownRoom> {
 }
 
 /// What is left of the room's light with one object in it.
-fn left(engine: &mut dyn Engine, object: VirtualObject) -> Picture {
+fn left(engine: &mut dyn Engine, object: VirtualObject, near_form: NearForm) -> Picture {
     let known = known();
     let mut scene = lit_room::scene(&known);
     scene.objects = vec![object];
@@ -247,8 +247,13 @@ fn left(engine: &mut dyn Engine, object: VirtualObject) -> Picture {
     background.radiance.reshape(40, 30, [1.0; 3]);
     background.flags.reshape(40, 30, 0);
     let light = Lights::soft(RadianceSh::zero(4));
-    let quality =
-        Quality { shadow_maps: 8, coverage_samples: 1, shadow_map_texels: 256, ..Quality::default() };
+    let quality = Quality {
+        shadow_maps: 8,
+        coverage_samples: 1,
+        shadow_map_texels: 256,
+        near_form,
+        ..Quality::default()
+    };
     let mut plan = FramePlan::default();
     effects::plan(&effects::Occasion::SHOW, &scene, &light, &quality, &mut plan);
     plan.passes.retain(|planned| planned.pass != Pass::ShadeObject);
@@ -298,16 +303,18 @@ pub fn all(engine: &mut dyn Engine) {
         ("of no size", ball(Vec3::new(0.0, 0.0, 0.1), 1e-9)),
     ];
     for (name, object) in places {
-        let picture = left(engine, object);
-        for c in picture.radiance.pixels().as_flattened() {
-            assert!((0.0..=1.0).contains(c), "{name}: {c}");
+        for form in [NearForm::Ratio, NearForm::Ldr] {
+            let picture = left(engine, object.clone(), form);
+            for c in picture.radiance.pixels().as_flattened() {
+                assert!((0.0..=1.0).contains(c), "{name}, {}: {c}", form.name());
+            }
         }
     }
     // On its way from the table to the lamp and through it.
     let (mut before, mut worst) = (None::<Picture>, 0.0f32);
     for step in 0..=24 {
         let at = Vec3::new(0.0, 0.0, 0.15).lerp(window - Vec3::new(0.3, 0.0, 0.0), step as f32 / 24.0);
-        let picture = left(engine, ball(at, 0.12));
+        let picture = left(engine, ball(at, 0.12), NearForm::Ratio);
         if let Some(before) = &before {
             let (a, b) = (before.radiance.pixels().as_flattened(), picture.radiance.pixels().as_flattened());
             let mean = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.len() as f32;
