@@ -116,7 +116,7 @@ impl Engine for Loaded {
 
 #[test]
 fn stepped_load_is_followed_within_ten_frames_and_without_oscillation() {
-    let mut source = open::open("synthetic:frames=300,size=192x144,seed=3").unwrap().frames;
+    let mut source = open::open("synthetic:frames=300,size=192x144,seed=3,texel_mm=10").unwrap().frames;
     let wanted = [0.001, 0.004, 0.016].map(|time_s| Exposure { time_s, gain: 1.0 });
     let cycle = source.set_exposures(&wanted).unwrap();
     let base = Quality::default();

@@ -5,6 +5,7 @@ pub mod file;
 pub mod keys;
 pub mod live;
 pub mod presets;
+pub mod range;
 pub mod resolve;
 pub mod settings;
 
