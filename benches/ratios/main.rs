@@ -1,6 +1,7 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`, or `-- NAME` for one module of the list.
 
 mod blockers;
+mod effects;
 mod frame;
 mod growth;
 mod merge_bracket;
@@ -11,7 +12,7 @@ mod project_sh;
 mod room;
 
 fn main() {
-    let all: [(&str, fn()); 8] = [
+    let all: [(&str, fn()); 9] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
@@ -19,6 +20,7 @@ fn main() {
         ("naive", naive::run),
         ("nearfield", nearfield::run),
         ("room", room::run),
+        ("effects", effects::run),
         ("frame", frame::run),
     ];
     // Cargo itself adds `--bench`.

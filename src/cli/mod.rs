@@ -4,6 +4,7 @@ mod bracket;
 pub mod check;
 pub mod common;
 pub mod devices;
+pub mod explain;
 pub mod figures;
 pub mod hdr;
 pub mod light;
@@ -38,6 +39,8 @@ pub enum Verb {
     Replay(replay::Arguments),
     /// Draw one still of a scene file or of a reference case.
     Render(render::Arguments),
+    /// Tell which effects a frame has and which it does without, and why.
+    Explain(explain::Arguments),
     /// Show how pictures come about, part by part.
     Figures(figures::Arguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
@@ -68,6 +71,7 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
     match arguments.verb {
         Verb::Replay(a) => replay::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Explain(a) => explain::run(a, common),
         Verb::Figures(a) => figures::run(a, common),
         Verb::Light(a) => light::run(a, common),
         Verb::Hdr(a) => hdr::run(a, common),

@@ -54,6 +54,10 @@ pub struct QualityFlags {
     /// Taps a side of the shadow filter: 1 to 8 [default: 4].
     #[arg(long, value_name = "N")]
     pub pcf_taps: Option<i64>,
+    /// Which effects a frame has: called_for (by scene, light and view; what has not changed is kept) or all
+    /// [default: called_for].
+    #[arg(long, value_name = "WHICH")]
+    pub effects: Option<String>,
 }
 
 impl QualityFlags {
@@ -76,6 +80,7 @@ impl QualityFlags {
             ("--shadow-maps", "quality.shadow_maps", whole(self.shadow_maps)),
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
+            ("--effects", "quality.effects", word(&self.effects)),
         ];
         for (flag, name, value) in given {
             let (Some(value), Some(key)) = (value, KEYS.iter().find(|key| key.name == name)) else {
@@ -112,6 +117,7 @@ mod tests {
             shadow_maps: Some(3),
             shadow_map_texels: Some(512),
             pcf_taps: Some(8),
+            effects: Some("all".into()),
         };
         let mut settings = Settings::default();
         flags.apply(&mut settings).unwrap();
@@ -121,7 +127,7 @@ mod tests {
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);
-        assert!(quality.soft_at != before.soft_at);
+        assert!(quality.soft_at != before.soft_at && quality.effects != before.effects);
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }
