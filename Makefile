@@ -12,12 +12,13 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures test bench lint tools-build tools-gpu tools-film release clean-out
+.PHONY: help demo demo-real figures docs test bench lint tools-build tools-gpu tools-film release clean-out
 
 help:
 	@echo "make demo       build, replay the bundled recordings, leave pictures and reports in out/ and out/room/"
 	@echo "make demo-real  the same on real photographs (needs the shared test data)"
 	@echo "make figures    the light in its halves, every part of a picture, the accuracy ladder, as sheets in out/figures"
+	@echo "make docs       the tables and pictures in docs/ that the program makes itself"
 	@echo "make test       everything that needs no GPU hardware"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
@@ -40,6 +41,9 @@ demo: release tools-film
 
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures
+
+docs: release tools-gpu
+	$(HALFLIGHT) stress --all --markdown docs/stability.md
 
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real

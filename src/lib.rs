@@ -37,6 +37,8 @@ pub mod model;
 pub mod nearfield;
 pub mod pipeline;
 pub mod plan;
+pub mod reference;
 pub mod sources;
+pub mod stress;
 pub mod track;
 pub mod visibility;

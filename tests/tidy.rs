@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const LONGEST: usize = 500;
 
 /// Folders of `src/` and their layers: a file uses only layers below its own.
-const LAYERS: [(&str, u8); 19] = [
+const LAYERS: [(&str, u8); 20] = [
     ("math", 0),
     ("model", 1),
     ("hdr", 2),
@@ -28,6 +28,7 @@ const LAYERS: [(&str, u8); 19] = [
     ("engine", 3),
     ("assets", 3),
     ("pipeline", 4),
+    ("stress", 4),
     ("config", 5),
     ("daemon", 5),
     ("cli", 5),

@@ -23,7 +23,7 @@ use halflight::{
         image::HdrImage,
         light::{HardLight, Lights, RadianceSh},
         picture::Picture,
-        quality::Quality,
+        quality::{NearForm, Quality},
         response::Response,
         scene::Scene,
         time::Timestamp,
@@ -63,7 +63,8 @@ impl Shot {
         }
         let mut plan = FramePlan::default();
         effects::plan(&effects::Occasion::SHOW, &scene, &light, quality, &mut plan);
-        assert!(plan.has(Pass::PointMaps) && plan.has(Pass::Subtract) && plan.has(Pass::ShadeObject));
+        let [_, subtract] = room(quality);
+        assert!(plan.has(Pass::PointMaps) && plan.has(subtract) && plan.has(Pass::ShadeObject));
         if !objects {
             // What is left of the room alone.
             plan.passes.retain(|planned| planned.pass != Pass::ShadeObject);
@@ -129,7 +130,12 @@ fn allowed(own: Option<Pass>, spread: Spread, places: u32) -> Apart {
     }
 }
 
-const ROOM: [Pass; 2] = [Pass::PointMaps, Pass::Subtract];
+fn room(quality: &Quality) -> [Pass; 2] {
+    match quality.near_form {
+        NearForm::Ratio => [Pass::PointMaps, Pass::Subtract],
+        NearForm::Ldr => [Pass::PointMaps, Pass::SubtractDisplayed],
+    }
+}
 
 fn matches(backend: Backend) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
@@ -147,6 +153,12 @@ fn matches(backend: Backend) {
         ("soft", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 4, ..base }),
         ("sun", Distortion::None, true, Quality { shadow_maps: 7, pcf_taps: 3, ..base }),
         ("bent", radial, true, Quality { shadow_maps: 10, pcf_taps: 2, ..base }),
+        (
+            "displayed",
+            Distortion::None,
+            true,
+            Quality { shadow_maps: 20, pcf_taps: 2, near_form: NearForm::Ldr, ..base },
+        ),
         // More than one page of tiles: 64 go on one, or fewer where textures are smaller.
         (
             "many",
@@ -165,14 +177,15 @@ fn matches(backend: Backend) {
         let twin = shot.draw(&mut cpu);
         let shadowed = twin.radiance.pixels().iter().filter(|p| p[0] < 0.97).count();
         assert!(shadowed > 1000, "{name}: {shadowed} pixels in shadow");
+        let [maps, subtract] = room(&quality);
         for (own, spread) in [
-            (Some(Pass::PointMaps), Spread::Together),
-            (Some(Pass::Subtract), Spread::Together),
+            (Some(maps), Spread::Together),
+            (Some(subtract), Spread::Together),
             (None, Spread::Together),
-            (Some(Pass::PointMaps), Spread::Each),
+            (Some(maps), Spread::Each),
             (None, Spread::Each),
         ] {
-            let others = ROOM.iter().filter(|pass| own.is_some_and(|own| own != **pass));
+            let others = room(&quality).into_iter().filter(|pass| own.is_some_and(|own| own != *pass));
             let others: Vec<String> = others.map(|pass| pass.name().to_owned()).collect();
             engine = engine.with_cpu_kernels(&others).unwrap().with_near_lights(spread);
             let device = shot.draw(&mut engine);

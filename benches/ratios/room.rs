@@ -17,7 +17,7 @@ use halflight::{
         image::HdrImage,
         light::{Lights, RadianceSh},
         picture::Picture,
-        quality::Quality,
+        quality::{NearForm, Quality},
         response::Response,
         scene::{Material, Scene, VirtualObject},
         time::Timestamp,
@@ -90,7 +90,7 @@ fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [
             for timing in &timings {
                 let part = match timing.pass {
                     Pass::PointMaps => 0,
-                    Pass::Subtract => 1,
+                    Pass::Subtract | Pass::SubtractDisplayed => 1,
                     Pass::ShadeObject => 2,
                     _ => 3,
                 };
@@ -108,14 +108,14 @@ fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [
     (median(&mut walls), parts.each_mut().map(&mut median), digest)
 }
 
-fn table(engine: &mut dyn Engine, what: &str, known: &Arc<KnownRoom>) -> Vec<f64> {
+fn table(engine: &mut dyn Engine, what: &str, known: &Arc<KnownRoom>, near_form: NearForm) -> Vec<f64> {
     let scene = scene(known);
     engine.load_room(Some(Arc::clone(known))).expect("a sound room");
     engine.load_scene(&scene).expect("a sound scene");
     let mut walls = Vec::new();
     for places in [1, 4] {
         for (maps, fps) in GIB03 {
-            let quality = Quality { shadow_maps: maps, pcf_taps: places, ..Quality::default() };
+            let quality = Quality { shadow_maps: maps, pcf_taps: places, near_form, ..Quality::default() };
             let (wall, parts, digest) = measure(engine, &scene, &quality);
             let parts: String =
                 PARTS.iter().zip(parts).map(|(part, ms)| format!(" {part} {ms:6.2}")).collect();
@@ -148,7 +148,10 @@ pub fn run() {
         report: RoomReport::default(),
     });
     match CpuEngine::new(None) {
-        Ok(mut engine) => drop(table(&mut engine, "CPU", &known)),
+        Ok(mut engine) => {
+            let ratio = table(&mut engine, "CPU", &known, NearForm::Ratio);
+            compare(&table(&mut engine, "CPU, 8-bit", &known, NearForm::Ldr), &ratio, "8-bit / ratio form");
+        }
         Err(error) => println!("  {error}"),
     }
     for backend in Backend::ALL {
@@ -161,10 +164,16 @@ pub fn run() {
         };
         println!("  {}", engine.description());
         let mut engine = engine.with_near_lights(Spread::Together);
-        let together = table(&mut engine, "one pass of maps", &known);
+        let together = table(&mut engine, "one pass of maps", &known, NearForm::Ratio);
+        let displayed = table(&mut engine, "one pass of maps, 8-bit", &known, NearForm::Ldr);
+        compare(&displayed, &together, "8-bit (a pass a light) / ratio form");
         let mut engine = engine.with_near_lights(Spread::Each);
-        let each = table(&mut engine, "a pass a map", &known);
-        let ratios: String = each.iter().zip(together).map(|(e, t)| format!(" {:.2}", e / t)).collect();
-        println!("    a pass a map / one pass of maps, times of a frame:{ratios}");
+        let each = table(&mut engine, "a pass a map", &known, NearForm::Ratio);
+        compare(&each, &together, "a pass a map / one pass of maps");
     }
+}
+
+fn compare(these: &[f64], those: &[f64], what: &str) {
+    let ratios: String = these.iter().zip(those).map(|(a, b)| format!(" {:.2}", a / b)).collect();
+    println!("    {what}, times of a frame:{ratios}");
 }

@@ -12,7 +12,7 @@ fn main() -> ExitCode {
         .with_target(false)
         .init();
     match halflight::cli::run(halflight::cli::Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => status,
         Err(error) => {
             eprintln!("halflight: {error}");
             ExitCode::from(2)

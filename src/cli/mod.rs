@@ -15,10 +15,13 @@ pub mod replay;
 pub mod reproduce;
 pub mod room;
 pub mod spheres;
+pub mod stress;
 pub mod synth;
 pub mod tags;
+pub mod trace;
 
 pub use common::{CliError, Common};
+use std::process::ExitCode;
 
 /// `halflight`: measures the light of a real place and draws virtual objects into the camera picture.
 #[derive(clap::Parser, Debug)]
@@ -41,6 +44,8 @@ pub enum Verb {
     Render(render::Arguments),
     /// Tell which effects a frame has and which it does without, and why.
     Explain(explain::Arguments),
+    /// Trace a still: ground truth with and without the objects, with its own noise.
+    Trace(trace::Arguments),
     /// Show how pictures come about, part by part.
     Figures(figures::Arguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
@@ -59,19 +64,23 @@ pub enum Verb {
     Synth(synth::Arguments),
     /// Do an experiment of the papers again: table and plot.
     Reproduce(reproduce::Arguments),
+    /// Run the hard cases: what the textbook's formulas give, what this program gives, and the bound.
+    Stress(stress::Arguments),
     /// Check a configuration file; prints all mistakes at once.
     Check(check::Arguments),
     /// List the devices and engines at hand.
     Devices(devices::Arguments),
 }
 
-/// Runs one verb.
-pub fn run(arguments: Arguments) -> Result<(), CliError> {
+/// Runs one verb. The program's exit status where it is not an error's: 0, or 1 where a check that was asked for fails.
+pub fn run(arguments: Arguments) -> Result<ExitCode, CliError> {
     let common = &arguments.common;
-    match arguments.verb {
+    let done = match arguments.verb {
+        Verb::Stress(a) => return stress::run(a, common),
         Verb::Replay(a) => replay::run(a, common),
         Verb::Render(a) => render::run(a, common),
         Verb::Explain(a) => explain::run(a, common),
+        Verb::Trace(a) => trace::run(a, common),
         Verb::Figures(a) => figures::run(a, common),
         Verb::Light(a) => light::run(a, common),
         Verb::Hdr(a) => hdr::run(a, common),
@@ -83,5 +92,6 @@ pub fn run(arguments: Arguments) -> Result<(), CliError> {
         Verb::Reproduce(a) => reproduce::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Devices(a) => devices::run(a, common),
-    }
+    };
+    done.map(|()| ExitCode::SUCCESS)
 }

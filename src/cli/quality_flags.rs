@@ -58,6 +58,10 @@ pub struct QualityFlags {
     /// [default: called_for].
     #[arg(long, value_name = "WHICH")]
     pub effects: Option<String>,
+    /// How what objects hide of a known room's light is taken from the picture: ratio (exact), or ldr (from 8-bit values, light
+    /// by light, as [Gib03] did) [default: ratio].
+    #[arg(long, value_name = "FORM")]
+    pub near_form: Option<String>,
 }
 
 impl QualityFlags {
@@ -81,6 +85,7 @@ impl QualityFlags {
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
             ("--effects", "quality.effects", word(&self.effects)),
+            ("--near-form", "quality.near_form", word(&self.near_form)),
         ];
         for (flag, name, value) in given {
             let (Some(value), Some(key)) = (value, KEYS.iter().find(|key| key.name == name)) else {
@@ -118,6 +123,7 @@ mod tests {
             shadow_map_texels: Some(512),
             pcf_taps: Some(8),
             effects: Some("all".into()),
+            near_form: Some("ldr".into()),
         };
         let mut settings = Settings::default();
         flags.apply(&mut settings).unwrap();
@@ -128,6 +134,7 @@ mod tests {
         assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);
         assert!(quality.soft_at != before.soft_at && quality.effects != before.effects);
+        assert!(quality.near_form != before.near_form);
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }

@@ -209,7 +209,7 @@ pub fn shade(
             ),
             None => lobe_sum(light.order, &light.total_rgb, &material.lobe, r),
         };
-        return std::array::from_fn(|c| (material.specular_rgb[c] * seen[c]).max(0.0));
+        return std::array::from_fn(|c| radiance(material.specular_rgb[c] * seen[c]));
     }
     let levels = surroundings.levels(material.exponent);
     let shines = levels.is_none_or(|p| !p.holds_hard_lights);
@@ -260,7 +260,12 @@ pub fn shade(
             out[c] += material.specular_rgb[c] * scale * (shine[c] + point.gloss[c] * glossy[c]);
         }
     }
-    out.map(|c| c.max(0.0))
+    out.map(radiance)
+}
+
+/// Not below 0, and finite where a sharp lobe takes a strong light beyond 32 bits; what is not a number counts as 0.
+fn radiance(sum: f32) -> f32 {
+    if sum > 0.0 { sum.min(f32::MAX) } else { 0.0 }
 }
 
 #[cfg(test)]

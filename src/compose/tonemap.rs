@@ -21,7 +21,7 @@ pub struct ToneTable {
 }
 
 impl ToneTable {
-    /// Of a response. Between its entries a response is linear in exposure, so that value z + 1/2 lies half way.
+    /// Of a response.
     pub fn of(response: &Response) -> Self {
         let mut table = Self {
             response: response.clone(),
@@ -42,12 +42,7 @@ impl ToneTable {
     }
 
     fn fill(&mut self) {
-        for (thresholds, g) in self.thresholds.iter_mut().zip(self.response.log_exposure()) {
-            for z in 0..255 {
-                thresholds[z] = (0.5 * (f64::from(g[z]).exp() + f64::from(g[z + 1]).exp())) as f32;
-            }
-            thresholds[255] = f32::INFINITY;
-        }
+        self.thresholds = self.response.thresholds();
         // The table starts at the cell of the smallest threshold that is a normal number.
         let lowest = self.thresholds.iter().map(|t| t[0]).fold(f32::INFINITY, f32::min);
         self.first_cell = lowest.clamp(f32::MIN_POSITIVE, 1e30).to_bits() >> CELL_SHIFT;

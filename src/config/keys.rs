@@ -5,7 +5,7 @@ use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
     picture::PictureView,
-    quality::{Effects, SelfShadow, SoftAt, SplitKind},
+    quality::{Effects, NearForm, SelfShadow, SoftAt, SplitKind},
 };
 use toml::Value;
 
@@ -99,6 +99,7 @@ const KERNELS: &[&str] = &[
     "compose/soft_shadow",
     "visibility/point_maps",
     "nearfield/subtract",
+    "nearfield/subtract_displayed",
     "compose/shade_object",
     "compose/shade_surface",
     "compose/composite",
@@ -429,6 +430,14 @@ pub const KEYS: &[Key] = &[
         "Side of the percentage-closer filter: 4 = 4x4 taps.",
         |s| Value::Integer(i64::from(s.quality.pcf_taps)),
         |s, v| s.quality.pcf_taps = integer(v) as u32
+    ),
+    key!(
+        "quality.near_form",
+        "",
+        Range::Choice(&NearForm::NAMES),
+        "How what objects hide of a known room's light is taken from the picture: `ratio` in linear light, exact; `ldr` from 8-bit values, light by light, as [Gib03] did: shadows of many weak lights vanish (each is rounded), and where nearly all light is hidden they are up to half of the range too bright.",
+        |s| word(s.quality.near_form.name()),
+        |s, v| s.quality.near_form = NearForm::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
         "quality.coverage_samples",

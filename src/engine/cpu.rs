@@ -42,6 +42,7 @@ use crate::visibility::{
 };
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
+use held::RATIOS;
 use room::RoomWork;
 use std::sync::Arc;
 
@@ -275,12 +276,13 @@ impl Work {
                 Pass::SoftShadow => self.soft_shadow(input, &view, &light, quality),
                 Pass::PointMaps => self.point_maps(input, quality),
                 Pass::Subtract => self.subtract(input, &view, &light, quality),
+                Pass::SubtractDisplayed => self.subtract_displayed(input, &view, &light, quality),
                 Pass::ShadeObject => self.shade_object(input, &view, &light, quality),
                 Pass::ShadeSurface => {
                     self.shade_surface(input, &view, &light, uses.has(Pass::SoftShadow), quality);
                 }
                 Pass::Composite => {
-                    let ratio_drawn = uses.has(Pass::Subtract) || uses.has(Pass::ShadeSurface);
+                    let ratio_drawn = RATIOS.into_iter().any(|pass| uses.has(pass));
                     self.composite(input, uses.has(Pass::ShadeObject), ratio_drawn, &mut out.radiance);
                 }
                 Pass::Tonemap => self.tonemap(input, out),

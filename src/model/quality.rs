@@ -121,6 +121,34 @@ impl Effects {
     }
 }
 
+/// How what objects hide of a known room's light is taken from the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NearForm {
+    /// In linear light, as a ratio: exact, whatever the order.
+    #[default]
+    Ratio,
+    /// From 8-bit values, light by light, as [Gib03] did where displays could do no more.
+    Ldr,
+}
+
+impl NearForm {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["ratio", "ldr"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ratio => "ratio",
+            Self::Ldr => "ldr",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Ratio, Self::Ldr].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
@@ -154,6 +182,8 @@ pub struct Quality {
     pub shadow_map_texels: u32,
     /// Taps a side of the percentage-closer filter, 1 to 8.
     pub pcf_taps: u32,
+    /// How a known room's light is taken away.
+    pub near_form: NearForm,
     /// Coverage samples a pixel at object edges: 1 or 4.
     pub coverage_samples: u32,
     /// Frames merged into one HDR picture, 1 to 9.
@@ -180,6 +210,7 @@ impl Default for Quality {
             phong_norm: PhongNorm::EnergySafe,
             shadow_map_texels: 1024,
             pcf_taps: 4,
+            near_form: NearForm::Ratio,
             coverage_samples: 4,
             brackets: 3,
             light_every: 1,

@@ -32,6 +32,19 @@ impl Response {
         &self.log_exposure
     }
 
+    /// For each channel and value z the exposure at which [`Response::value_of`] passes z + 1/2, where the rounded value steps
+    /// up; never decreasing. The last is infinite. Between its entries a response is linear in exposure, so that z + 1/2 lies
+    /// half way.
+    pub fn thresholds(&self) -> [[f32; 256]; 3] {
+        let mut thresholds = [[f32::INFINITY; 256]; 3];
+        for (thresholds, g) in thresholds.iter_mut().zip(&self.log_exposure) {
+            for z in 0..255 {
+                thresholds[z] = (0.5 * (f64::from(g[z]).exp() + f64::from(g[z + 1]).exp())) as f32;
+            }
+        }
+        thresholds
+    }
+
     /// The 8-bit value, as a continuous number in 0..=255, that exposure X gives in a channel: the inverse of
     /// g, linear in X between its entries, clipped at both ends. Not finite or negative X gives 0.
     pub fn value_of(&self, channel: usize, exposure: f32) -> f32 {

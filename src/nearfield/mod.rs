@@ -42,6 +42,7 @@ pub mod shaft;
 pub mod shafts;
 pub mod soundness;
 pub mod subtract;
+pub mod subtract_displayed;
 pub mod sums;
 pub mod sun_blockers;
 pub mod sun_shadows;

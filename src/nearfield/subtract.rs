@@ -61,8 +61,42 @@ pub fn at_points<const N: usize>(
             [all[i], blocked[i]] = with.suns.at(point(i), normal, with.sun_shadows, with.taps);
         }
     }
+    each_hidden(with, run, count, |light, visible| {
+        let sent = corners.map(|v| with.frame.sent(light, v));
+        for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
+            if *visible < 1.0 {
+                let light = interpolated(&sent, weights(i));
+                for (b, l) in blocked.iter_mut().zip(light) {
+                    *b += l * (1.0 - visible);
+                }
+            }
+        }
+    });
+    let lit = corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = if blocked[i] == [0.0; 3] {
+            [1.0; 3]
+        } else {
+            let gathered = interpolated(&lit, weights(i));
+            std::array::from_fn(|c| {
+                let whole = all[i][c] + gathered[c];
+                if whole > TINY_LIGHT { (1.0 - blocked[i][c] / whole).clamp(0.0, 1.0) } else { 1.0 }
+            })
+        };
+    }
+}
+
+/// Gives each light of a run's triangle that is not seen from all of its first `count` points, and the share of it that each of
+/// them sees.
+pub(super) fn each_hidden<const N: usize>(
+    with: &SubtractFrame<'_>,
+    run: &RoomPoints<'_, N>,
+    count: usize,
+    mut each: impl FnMut(usize, &[f32; N]),
+) {
+    let (normal, points, frame) = (run.normal, run.points_world, with.frame);
+    let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
     let ends = [point(0), point(count.max(1) - 1)];
-    let frame = with.frame;
     for &k in frame.listed(run.triangle) {
         let light = usize::from(k);
         let (Some((camera, map)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
@@ -78,31 +112,12 @@ pub fn at_points<const N: usize>(
         if visible[..count].iter().all(|v| *v >= 1.0) {
             continue;
         }
-        let sent = corners.map(|v| frame.sent(light, v));
-        for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
-            if *visible < 1.0 {
-                let light = interpolated(&sent, weights(i));
-                for (b, l) in blocked.iter_mut().zip(light) {
-                    *b += l * (1.0 - visible);
-                }
-            }
-        }
-    }
-    let lit = corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
-    for (i, out) in out.iter_mut().enumerate() {
-        *out = if blocked[i] == [0.0; 3] {
-            [1.0; 3]
-        } else {
-            let gathered = interpolated(&lit, weights(i));
-            std::array::from_fn(|c| {
-                let whole = all[i][c] + gathered[c];
-                if whole > TINY_LIGHT { (1.0 - blocked[i][c] / whole).clamp(0.0, 1.0) } else { 1.0 }
-            })
-        };
+        each(light, &visible);
     }
 }
 
-fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {
+/// Between the corners of a triangle.
+pub(super) fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {
     let [a, b, c] = corners;
     std::array::from_fn(|i| weights[0] * a[i] + weights[1] * b[i] + weights[2] * c[i])
 }

@@ -8,7 +8,7 @@ use crate::math::{lens::Lens, pose::Pose, sh::zonal::phong_saturates};
 use crate::model::{
     blocker::{BlockerSphere, SHADER_SPHERES},
     light::Lights,
-    quality::{Effects, Quality, SelfShadow},
+    quality::{Effects, NearForm, Quality, SelfShadow},
     scene::{Material, Mesh, Scene},
 };
 use glam::Vec3;
@@ -81,7 +81,9 @@ impl Ruling {
 /// reason, and each left out with its reason; and the decision on each effect.
 ///
 /// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
-/// hide some of them; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
+/// hide some of them, or `SubtractDisplayed` in its place (`Quality::near_form`): it subtracts from what an 8-bit display shows
+/// of the place alone, before any object is drawn over it, so that objects need no mask and keep their clean edges, and hands
+/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light; and not so little light that nobody sees its shadow.
@@ -137,7 +139,8 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         shadows,
         soft,
         near,
-        near,
+        look.near_form(near, NearForm::Ratio),
+        look.near_form(near, NearForm::Ldr),
         objects,
         surfaces,
         shown("a picture is drawn", "no picture is drawn", occasion.draw),
@@ -197,7 +200,13 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
         within(Effect::VertexLight, vertices, Pass::ShadeObject, same_vertices, amounts.vertex_light()),
         within(Effect::IrradianceVolume, volume, Pass::ShadeObject, None, 10.0 * amounts.vertices as f32),
         of_pass(Effect::NearMaps, Pass::PointMaps),
-        of_pass(Effect::NearShadows, Pass::Subtract),
+        of_pass(
+            Effect::NearShadows,
+            match quality.near_form {
+                NearForm::Ratio => Pass::Subtract,
+                NearForm::Ldr => Pass::SubtractDisplayed,
+            },
+        ),
         of_pass(Effect::Objects, Pass::ShadeObject),
         of_pass(Effect::SurfaceShadows, Pass::ShadeSurface),
         of_pass(Effect::Composition, Pass::Composite),
@@ -360,6 +369,22 @@ impl<'a> Look<'a> {
         } else {
             // The ratio lies within 0 and 1.
             Ruling::on("virtual objects stand in a known room", 1.0)
+        }
+    }
+
+    /// One of the two ways to take what objects hide.
+    fn near_form(&self, near: Ruling, form: NearForm) -> Ruling {
+        match (near.why, self.quality.near_form, form) {
+            (Ok(_), NearForm::Ldr, NearForm::Ldr) => {
+                Ruling::on("virtual objects stand in a known room, and 8-bit values were asked for", 1.0)
+            }
+            (Ok(_), NearForm::Ratio, NearForm::Ldr) => {
+                Ruling::nothing("the known room's light is taken in linear light, as a ratio")
+            }
+            (Ok(_), NearForm::Ldr, NearForm::Ratio) => {
+                Ruling::nothing("the known room's light is taken from 8-bit values")
+            }
+            _ => near,
         }
     }
 

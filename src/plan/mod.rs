@@ -30,6 +30,8 @@ pub enum Pass {
     PointMaps,
     /// `nearfield/subtract`: what virtual objects leave of a known room's light, as a ratio for each pixel.
     Subtract,
+    /// `nearfield/subtract_displayed`: the same, taken from 8-bit values light by light.
+    SubtractDisplayed,
     /// `compose/shade_object`: objects into a layer of premultiplied radiance and coverage, hidden by real surfaces.
     ShadeObject,
     /// `compose/shade_surface`: what virtual objects leave of the light on real surfaces, as a ratio for each pixel.
@@ -51,6 +53,7 @@ impl Pass {
             Self::SoftShadow => "compose/soft_shadow",
             Self::PointMaps => "visibility/point_maps",
             Self::Subtract => "nearfield/subtract",
+            Self::SubtractDisplayed => "nearfield/subtract_displayed",
             Self::ShadeObject => "compose/shade_object",
             Self::ShadeSurface => "compose/shade_surface",
             Self::Composite => "compose/composite",
@@ -59,7 +62,7 @@ impl Pass {
     }
 
     /// All passes in the order in which a frame runs them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::MergeBracket,
         Self::UnwrapBall,
         Self::ProjectSh,
@@ -67,6 +70,7 @@ impl Pass {
         Self::SoftShadow,
         Self::PointMaps,
         Self::Subtract,
+        Self::SubtractDisplayed,
         Self::ShadeObject,
         Self::ShadeSurface,
         Self::Composite,
@@ -83,9 +87,13 @@ impl Pass {
     /// The passes whose results it reads where they are there.
     pub const fn reads(self) -> PassSet {
         match self {
-            Self::Subtract | Self::ShadeObject => PassSet::of(&[Self::ShadowMaps, Self::PointMaps]),
+            Self::Subtract | Self::SubtractDisplayed | Self::ShadeObject => {
+                PassSet::of(&[Self::ShadowMaps, Self::PointMaps])
+            }
             Self::ShadeSurface => PassSet::of(&[Self::ShadowMaps, Self::SoftShadow]),
-            Self::Composite => PassSet::of(&[Self::Subtract, Self::ShadeObject, Self::ShadeSurface]),
+            Self::Composite => {
+                PassSet::of(&[Self::Subtract, Self::SubtractDisplayed, Self::ShadeObject, Self::ShadeSurface])
+            }
             Self::Tonemap => PassSet::of(&[Self::Composite]),
             _ => PassSet::of(&[]),
         }

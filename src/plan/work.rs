@@ -47,7 +47,7 @@ impl Amounts {
             Pass::PointMaps => {
                 n(self.near_lights) * (0.2 * n(self.near_texels).powi(2) + 2.0 * n(self.vertices))
             }
-            Pass::Subtract => 4.0 * pixels * n(self.near_lights),
+            Pass::Subtract | Pass::SubtractDisplayed => 4.0 * pixels * n(self.near_lights),
             Pass::ShadeObject => 3.0 * pixels + self.vertex_light(),
             Pass::ShadeSurface => 6.0 * pixels + 2.0 * pixels * n(self.maps),
             Pass::Composite => pixels,

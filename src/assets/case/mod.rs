@@ -6,6 +6,7 @@
 
 mod file;
 mod room;
+mod trace;
 
 use super::{error::AssetError, obj, shapes};
 use crate::{

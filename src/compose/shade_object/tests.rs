@@ -76,6 +76,15 @@ fn the_sun_alone_follows_the_closed_forms() {
 }
 
 #[test]
+fn sharp_lobes_in_strong_light_stay_finite() {
+    // At the very peak (s + 1)/(2 pi) E is beyond 32 bits; a channel that reflects nothing stays dark.
+    let light = sun(Vec3::Y, [1e10, 1e10, 0.0], RadianceSh::zero(4));
+    let sharp = Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [1.0, 0.0, 1.0], exponent: 1e30 };
+    let out = shade(&light, &MaterialTerms::of(&sharp), &point(Vec3::Y, Vec3::Y), |_| 1.0);
+    assert_eq!(out, [f32::MAX, 0.0, 0.0]);
+}
+
+#[test]
 fn every_hard_light_adds_its_own() {
     let mut lights = Lights::soft(RadianceSh::zero(3));
     let (one, two) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.28, 0.0, 0.96));

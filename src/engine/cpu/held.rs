@@ -19,6 +19,9 @@ use crate::visibility::{
 use glam::Vec3;
 use std::ops::Range;
 
+/// Passes that make ratios.
+pub(super) const RATIOS: [Pass; 3] = [Pass::Subtract, Pass::SubtractDisplayed, Pass::ShadeSurface];
+
 /// All that the passes of a frame between the shadow maps and the composing are made from.
 #[derive(Clone, Debug, PartialEq)]
 struct Inputs {
@@ -196,7 +199,12 @@ impl Work {
         self.look(input, &light, quality);
         *out = Foresight::NONE;
         for pass in Pass::ALL.into_iter().filter(|pass| {
-            !pass.is_measuring() && !matches!(pass, Pass::ShadowMaps | Pass::Composite | Pass::Tonemap)
+            !pass.is_measuring()
+                && !matches!(
+                    pass,
+                    // It depends on the camera's picture, too.
+                    Pass::SubtractDisplayed | Pass::ShadowMaps | Pass::Composite | Pass::Tonemap
+                )
         }) {
             let made = self.held.made[pass as usize];
             out.held[pass as usize] =
@@ -313,7 +321,7 @@ impl Work {
         if !uses.has(Pass::ShadeObject) {
             self.object_layer = Image::default();
         }
-        if !(uses.has(Pass::Subtract) || uses.has(Pass::ShadeSurface)) {
+        if !RATIOS.into_iter().any(|pass| uses.has(pass)) {
             self.ratio = Image::default();
         }
     }

@@ -7,13 +7,14 @@ use crate::{
         raster::{self, Row, View},
         shade_object::LightTerms,
     },
-    model::quality::Quality,
+    model::{quality::Quality, response::Response},
     nearfield::{
         frame::{NearFrame, NearQuality},
         objects as near_objects,
         prepare::KnownRoom,
         shaft::Aabb,
         subtract::{self, RoomPoints, SubtractFrame},
+        subtract_displayed::{self, DisplayCurve, DisplayedFrame, DisplayedLights},
         sun_shadows::SunShadows,
     },
     visibility::proxies::{MOST_TRIANGLES, Proxies},
@@ -34,9 +35,35 @@ pub(in crate::engine) struct RoomWork {
     proxies: Proxies,
     pub(in crate::engine) frame: NearFrame,
     pub(in crate::engine) suns: SunShadows,
+    pub(in crate::engine) displayed: Displayed,
     /// Number of the room's first triangle among the surfaces, and its triangles' corners as vertices of the room.
     first_triangle: usize,
     triangles: Vec<[u32; 3]>,
+}
+
+/// Neighbours in a row of the picture.
+struct Neighbours<'a> {
+    row: &'a Row<'a>,
+    first: usize,
+}
+
+impl Neighbours<'_> {
+    /// Weights of the triangle's corners at neighbour `i`.
+    fn weights(&self, i: usize) -> [f32; 3] {
+        self.row.fragment(self.first + i).map_or([0.0; 3], |f| f.barycentric)
+    }
+
+    /// Number of its pixel in the picture.
+    fn pixel(&self, i: usize) -> usize {
+        self.row.pixel(self.first + i)
+    }
+}
+
+/// What subtracting from displayed values asks for.
+#[derive(Default)]
+pub(in crate::engine) struct Displayed {
+    pub(in crate::engine) lights: DisplayedLights,
+    pub(in crate::engine) curve: Option<DisplayCurve>,
 }
 
 impl RoomWork {
@@ -97,6 +124,13 @@ impl RoomWork {
         self.frame.draw(&self.proxies);
     }
 
+    /// Deals the frame's lights out to their sets, and takes a display's response.
+    pub(in crate::engine) fn deal_out(&mut self, response: &Response) {
+        let Displayed { lights, curve } = &mut self.displayed;
+        lights.update(&self.frame);
+        curve.get_or_insert_with(|| DisplayCurve::of(response)).update(response);
+    }
+
     /// Lists which lights matter where; `is_drawn` as for [`NearFrame::list`].
     pub(in crate::engine) fn list(&mut self, is_drawn: bool) {
         if let Some(known) = &self.known {
@@ -151,6 +185,48 @@ impl Work {
         light: &LightTerms,
         quality: &Quality,
     ) {
+        self.draw_room(input, view, light, quality, |with, run, of, out| {
+            subtract::at_points(with, run, |i| of.weights(i), out);
+        });
+    }
+
+    /// The same from the values that a display shows of the place.
+    pub(in crate::engine) fn subtract_displayed(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+    ) {
+        self.room.deal_out(input.response);
+        let Displayed { lights, curve } = std::mem::take(&mut self.room.displayed);
+        if let Some(curve) = &curve {
+            let (background, exposure_s) =
+                (input.background.radiance.pixels(), input.shown_exposure.effective_s() as f32);
+            let exposure = |pixel: usize| background[pixel].map(|c| c * exposure_s);
+            self.draw_room(input, view, light, quality, |with, run, of, out| {
+                let shared = DisplayedFrame { with: *with, lights: &lights, curve };
+                subtract_displayed::at_points(
+                    &shared,
+                    run,
+                    |i| of.weights(i),
+                    |i| exposure(of.pixel(i)),
+                    out,
+                );
+            });
+        }
+        self.room.displayed = Displayed { lights, curve };
+    }
+
+    /// Gives each run of neighbours that see the front of a triangle of the room from which something may be taken.
+    fn draw_room(
+        &mut self,
+        input: &RelightInput<'_>,
+        view: &View,
+        light: &LightTerms,
+        quality: &Quality,
+        at_points: impl Fn(&SubtractFrame<'_>, &RoomPoints<'_, RUN>, &Neighbours<'_>, &mut [[f32; 3]]) + Sync,
+    ) {
         self.project_surfaces(input, view, quality);
         self.room.list(true);
         let Some(known) = self.room.known() else { return };
@@ -177,8 +253,7 @@ impl Work {
                     if points.see_front(normal) {
                         let points_world = &points.point_world;
                         let run = RoomPoints { triangle, corners, normal, points_world };
-                        let weights = |i: usize| row.fragment(k + i).map_or([0.0; 3], |f| f.barycentric);
-                        subtract::at_points(&with, &run, weights, &mut out[k..end]);
+                        at_points(&with, &run, &Neighbours { row, first: k }, &mut out[k..end]);
                     }
                 }
                 k = end;

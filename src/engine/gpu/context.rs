@@ -45,6 +45,9 @@ pub const WORKGROUP_MEMORY_BYTES: u32 = 16 << 10;
 /// Invocations of one workgroup at most.
 pub const WORKGROUP_INVOCATIONS: u32 = 128;
 
+/// The most that a pass keeps of a pixel: four words of a ratio on their way back to the host.
+const BYTES_A_PIXEL: usize = 16;
+
 /// How often the device is waited for: on GL an indefinite wait ends after 4.3 s, which a software driver on a busy
 /// machine may need.
 const WAITS: u32 = 15;
@@ -164,6 +167,19 @@ impl GpuContext {
     /// Whether passes can be timed on the device itself.
     pub fn has_timestamps(&self) -> bool {
         self.timestamps
+    }
+
+    /// Whether the device takes a buffer of so many bytes in one piece.
+    pub fn binds(&self, bytes: usize) -> bool {
+        let limits = self.device.limits();
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        bytes as u64 <= most
+    }
+
+    /// Whether the device can draw a picture of that size: its textures, and three floats a pixel in one piece.
+    pub fn draws(&self, width: usize, height: usize) -> bool {
+        let side = self.device.limits().max_texture_dimension_2d as usize;
+        width <= side && height <= side && self.binds(width * height * BYTES_A_PIXEL)
     }
 
     /// The first error that the device reported since the last call, as an error of `pass`.

@@ -30,7 +30,12 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// The engine on wgpu. Kernels are compiled when they are first called for.
+/// What is done for each pixel of the picture.
+const PER_PIXEL: [Pass; 6] =
+    [Pass::SoftShadow, Pass::Subtract, Pass::ShadeObject, Pass::ShadeSurface, Pass::Composite, Pass::Tonemap];
+
+/// The engine on wgpu. Kernels are compiled when they are first called for. What is too large for the device (many bind
+/// 128 MiB at once: 8 million pixels) is done by the twins, with the same result.
 pub struct GpuEngine {
     context: GpuContext,
     timer: Timer,
@@ -93,9 +98,15 @@ impl GpuEngine {
         self.on_cpu[pass as usize]
     }
 
+    /// Whether the device takes a bracket in one piece: its pictures, or radiance and flags of the result.
+    fn binds_bracket(&self, bracket: &Bracket<'_>) -> bool {
+        let pixels = bracket.pictures.first().map_or(0, |p| p.pixels().len());
+        self.context.binds(pixels * (3 * bracket.pictures.len()).max(13) + 64)
+    }
+
     /// Projects samples to SH (kernel `light/project_sh`); the order is taken into 1..=6.
     pub fn project_sh(&mut self, samples: &RadianceSamples, order: usize) -> Result<RadianceSh, EngineError> {
-        if self.on_cpu(Pass::ProjectSh) {
+        if self.on_cpu(Pass::ProjectSh) || !self.context.binds(16 * samples.directions.len()) {
             return Ok(self.timer.host(Pass::ProjectSh, || project_sh::project_sh(samples, order)));
         }
         self.context.live.serve(Pass::ProjectSh);
@@ -153,7 +164,7 @@ impl Engine for GpuEngine {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
-        if self.on_cpu(Pass::MergeBracket) {
+        if self.on_cpu(Pass::MergeBracket) || !self.binds_bracket(bracket) {
             return self
                 .timer
                 .host(Pass::MergeBracket, || {
@@ -197,7 +208,9 @@ impl Engine for GpuEngine {
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError> {
-        let on_cpu = |pass: Pass| self.on_cpu[pass as usize];
+        let background = &input.background.radiance;
+        let draws = self.context.draws(background.width(), background.height());
+        let on_cpu = |pass: Pass| self.on_cpu[pass as usize] || !draws && PER_PIXEL.contains(&pass);
         self.relighter.run(&self.context, &mut self.timer, on_cpu, plan, input, out)
     }
 

@@ -103,7 +103,7 @@ impl Exchange {
             (&mut self.point_place, &[Pass::PointMaps]),
             (&mut self.soft_place, &[Pass::SoftShadow]),
             (&mut self.object_place, &[Pass::ShadeObject]),
-            (&mut self.ratio_place, &[Pass::Subtract, Pass::ShadeSurface]),
+            (&mut self.ratio_place, &[Pass::Subtract, Pass::SubtractDisplayed, Pass::ShadeSurface]),
             (&mut self.radiance_place, &[]),
         ] {
             if !passes.iter().any(|pass| kept.has(*pass)) {

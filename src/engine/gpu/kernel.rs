@@ -78,6 +78,7 @@ impl Kernel {
                 | Pass::SoftShadow
                 | Pass::PointMaps
                 | Pass::Subtract
+                | Pass::SubtractDisplayed
                 | Pass::ShadeObject
                 | Pass::ShadeSurface
         )

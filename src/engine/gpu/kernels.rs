@@ -148,6 +148,59 @@ pub const SUBTRACT: Kernel = Kernel {
     ],
 };
 
+/// `nearfield/subtract_displayed`: what the display shows of the room, one light after the other subtracted from it, and what
+/// is left as a ratio; with the functions of `nearfield/subtract`, whose own fragment stages are not used.
+pub const SUBTRACT_DISPLAYED: Kernel = Kernel {
+    pass: Pass::SubtractDisplayed,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/point_camera"),
+        source!("shared/point_lookup"),
+        source!("nearfield/subtract"),
+        source!("nearfield/subtract_displayed"),
+    ],
+    entries: &[
+        "vertex",
+        "fragment",
+        "nearest_room",
+        "one_light",
+        "after_all",
+        "shown_room",
+        "one_displayed",
+        "after_displayed",
+    ],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("cameras_near", BindingKind::Uniform),
+        Binding::new("lights", BindingKind::Uniform),
+        Binding::new("point_maps", BindingKind::UintLayers),
+        Binding::new("ranges", BindingKind::Uints),
+        Binding::new("listed", BindingKind::Floats),
+        Binding::new("suns", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("room_cameras", BindingKind::Uniform),
+        Binding::new("room_maps", BindingKind::UintLayers),
+        Binding::new("turn", BindingKind::UniformAtOffset),
+        Binding::new("taken", BindingKind::Floats),
+        Binding::new("before", BindingKind::Floats),
+        Binding::new("exposures", BindingKind::Floats),
+        Binding::new("display", BindingKind::Floats),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::PointCamera::LAYOUT,
+        params::PointCameras::LAYOUT,
+        params::PointLights::LAYOUT,
+        params::SunTerms::LAYOUT,
+        params::Turn::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+    ],
+};
+
 /// `compose/shade_object`: real surfaces and objects into the depth, then objects, four samples a pixel.
 pub const SHADE_OBJECT: Kernel = Kernel {
     pass: Pass::ShadeObject,
@@ -241,7 +294,7 @@ pub const TONEMAP: Kernel = Kernel {
 };
 
 /// Every kernel, in the order of `Pass::ALL`.
-pub const TABLE: [&Kernel; 11] = [
+pub const TABLE: [&Kernel; 12] = [
     &MERGE_BRACKET,
     &UNWRAP_BALL,
     &PROJECT_SH,
@@ -249,6 +302,7 @@ pub const TABLE: [&Kernel; 11] = [
     &SOFT_SHADOW,
     &POINT_MAPS,
     &SUBTRACT,
+    &SUBTRACT_DISPLAYED,
     &SHADE_OBJECT,
     &SHADE_SURFACE,
     &COMPOSITE,

@@ -16,6 +16,7 @@ const DRAWING: PassSet = PassSet::of(&[
     Pass::SoftShadow,
     Pass::PointMaps,
     Pass::Subtract,
+    Pass::SubtractDisplayed,
     Pass::ShadeObject,
     Pass::ShadeSurface,
 ]);

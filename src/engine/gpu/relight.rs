@@ -12,7 +12,7 @@ use super::{
         shade_surface::ShadeSurface,
         shadow_maps::ShadowMaps,
         soft_shadow::{Soft, SoftShadow},
-        subtract::{Subtract, Subtraction},
+        subtract::{Shown, Subtract, Subtraction},
         tonemap::Tonemap,
     },
     point_pages::Spread,
@@ -36,6 +36,16 @@ use crate::{
     plan::{Foresight, FramePlan, Pass, PassSet},
 };
 use std::sync::Arc;
+
+/// Passes that draw the scene's triangles.
+const DRAWING: [Pass; 6] = [
+    Pass::ShadowMaps,
+    Pass::SoftShadow,
+    Pass::Subtract,
+    Pass::SubtractDisplayed,
+    Pass::ShadeObject,
+    Pass::ShadeSurface,
+];
 
 /// The kernel in a slot, compiled on first use.
 pub fn ready<'a, K>(
@@ -186,10 +196,7 @@ impl Relighter {
                 self.scene.moved(vertices);
             }
         }
-        if [Pass::ShadowMaps, Pass::SoftShadow, Pass::Subtract, Pass::ShadeObject, Pass::ShadeSurface]
-            .iter()
-            .any(|&p| runs.has(p) && !on_cpu(p))
-        {
+        if DRAWING.iter().any(|&p| runs.has(p) && !on_cpu(p)) {
             context.live.serve_the_scene();
             let cut = self.domain.cut(input.lens, &camera);
             let (objects, transferred) = (&self.twins.objects, &self.twins.transferred);
@@ -278,15 +285,27 @@ impl Relighter {
                     kernel.run(&mut recorder, frame, triangles, self.spread, &mut exchange.point_maps)?;
                     exchange.point_place = Place::Device;
                 }
-                Pass::Subtract => {
+                Pass::Subtract | Pass::SubtractDisplayed => {
+                    let displays = pass == Pass::SubtractDisplayed;
                     let is_drawn = maps_drawn || exchange.point_place == Place::Host;
                     if !host {
-                        recorder.host(pass, || twins.room.list(is_drawn));
+                        recorder.host(pass, || {
+                            twins.room.list(is_drawn);
+                            if displays {
+                                twins.room.deal_out(input.response);
+                            }
+                        });
                     }
                     if host || !Subtract::holds(context, &twins.room.frame) {
                         exchange.points_to_host(&mut recorder, twins)?;
                         exchange.shadow_to_host(&mut recorder, twins)?;
-                        recorder.host(pass, || twins.subtract(input, &camera, &light, quality));
+                        recorder.host(pass, || {
+                            if displays {
+                                twins.subtract_displayed(input, &camera, &light, quality);
+                            } else {
+                                twins.subtract(input, &camera, &light, quality);
+                            }
+                        });
                         exchange.ratio_place = Place::Host;
                     } else if let Some(known) = twins.room.known() {
                         exchange.points_to_device(&recorder, twins);
@@ -294,6 +313,7 @@ impl Relighter {
                         let of_room = twins.room.triangles();
                         let gathered = &known.field.gathered_rgb;
                         self.room_mesh.update(context, &twins.surfaces, of_room, gathered, cut);
+                        let shown = twins.room.displayed.curve.as_ref().filter(|_| displays);
                         let with = Subtraction {
                             view: &view_params,
                             frame: &twins.room.frame,
@@ -303,6 +323,12 @@ impl Relighter {
                             sun_cameras: &cameras,
                             sun_maps: exchange.shadow_to_device(&recorder, twins)?,
                             spread: self.spread,
+                            shown: shown.map(|curve| Shown {
+                                lights: &twins.room.displayed.lights,
+                                curve,
+                                background,
+                                exposure_s: exposure_s as f32,
+                            }),
                         };
                         let kernel = ready(&mut self.subtract, context, Subtract::new)?;
                         let (pages, ratios) = (&mut exchange.point_maps, &mut exchange.ratios);

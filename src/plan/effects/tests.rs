@@ -117,6 +117,11 @@ fn a_known_room_is_drawn_by_its_own_light() {
     // Soft light alone, as of a room: no halves of far light.
     let near = [PointMaps, Subtract, ShadeObject, Composite, Tonemap];
     assert_eq!(passes(&Occasion::SHOW, &place, &light), near);
+    // From 8-bit values instead.
+    let mut out = FramePlan::default();
+    let ldr = Quality { near_form: NearForm::Ldr, ..Quality::default() };
+    plan(&Occasion::SHOW, &place, &light, &ldr, &mut out);
+    assert!(out.has(Pass::SubtractDisplayed) && !out.has(Subtract) && out.has(PointMaps));
     // A sun shines in: the objects' map under it, too, even where no real surface outside of the room faces it.
     for to_light in [UP, DOWN] {
         let with_sun = [ShadowMaps, PointMaps, Subtract, ShadeObject, Composite, Tonemap];

@@ -9,5 +9,7 @@ pub mod shade_surface;
 pub mod shadow_maps;
 pub mod soft_shadow;
 pub mod subtract;
+mod subtract_displayed;
 pub mod tonemap;
+mod turns;
 pub mod unwrap_ball;

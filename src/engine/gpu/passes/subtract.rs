@@ -1,5 +1,10 @@
 //! `nearfield/subtract` on the device. Twin: `nearfield::subtract`.
 
+pub use super::subtract_displayed::Shown;
+use super::{
+    subtract_displayed::Displayed,
+    turns::{Round, Stages, TURN_STRIDE, Turns, drawing},
+};
 use crate::{
     engine::{
         EngineError,
@@ -7,9 +12,8 @@ use crate::{
             buffers::GrowingBuffer,
             context::GpuContext,
             exchange::{RATIOS_FORMAT, SHADOW_MAP_FORMAT},
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels,
-            params::{self, RoomVertex},
+            kernel::{BoundGroup, Built, Resource},
+            kernels, params,
             point_pages::{PointPages, Spread},
             recorder::{Recorder, Targets, cleared},
             room_mesh::RoomMesh,
@@ -25,17 +29,25 @@ const PASS: Pass = Pass::Subtract;
 /// Triangles in a row of `ranges`.
 const RANGES_A_ROW: usize = 1024;
 /// Lights of triangles in a row of `listed`, three texels each.
-const LISTED_A_ROW: usize = 682;
+pub(super) const LISTED_A_ROW: usize = 682;
 /// Rows of `listed` come and go so many at a time.
-const ROWS: usize = 16;
+pub(super) const ROWS: usize = 16;
 
-/// Bytes from one light's turn to the next: the largest alignment that a device may ask for.
-const TURN_STRIDE: usize = 256;
 /// The turn of the suns.
 const SUNS: u32 = 0xffff;
 /// What is taken of the light, where each light has a pass of its own: shares of all light, each sum rounded to a 2048th of
 /// itself, or cut off there.
 const TAKEN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+/// Where it is bound.
+const TAKEN: usize = 12;
+const STAGES: Stages = Stages {
+    first: "nearest_room",
+    writes_first: false,
+    one: "one_light",
+    operation: wgpu::BlendOperation::Add,
+    after: "after_all",
+    format: TAKEN_FORMAT,
+};
 
 /// What the frame is drawn from.
 pub struct Subtraction<'a> {
@@ -55,19 +67,8 @@ pub struct Subtraction<'a> {
     pub sun_maps: Resource,
     /// One pass for all lights or one for each.
     pub spread: Spread,
-}
-
-/// Where each light has a pass of its own.
-struct Turns {
-    nearest: wgpu::RenderPipeline,
-    one: wgpu::RenderPipeline,
-    after: wgpu::RenderPipeline,
-    taken: KeptTexture,
-    group: BoundGroup,
-    /// Triangles by light, as corners of the room's mesh, and where each light's begin.
-    chosen: GrowingBuffer,
-    indices: Vec<[u32; 3]>,
-    begins: Vec<u32>,
+    /// The picture as a display has it, where light is subtracted from that: a pass for each light, whatever `spread` says.
+    pub shown: Option<Shown<'a>>,
 }
 
 /// The kernel.
@@ -86,6 +87,7 @@ pub struct Subtract {
     /// Whether the room's own maps are there.
     has_room_maps: bool,
     turns: Option<Turns>,
+    displayed: Option<Displayed>,
     turn: GrowingBuffer,
     turn_bytes: Vec<u8>,
     no_taken: KeptTexture,
@@ -116,6 +118,7 @@ impl Subtract {
             room_maps: KeptLayers::result("suns' maps of the room", SHADOW_MAP_FORMAT),
             has_room_maps: false,
             turns: None,
+            displayed: None,
             turn: GrowingBuffer::uniform("turns"),
             turn_bytes: Vec::new(),
             no_taken: KeptTexture::result("nothing taken", TAKEN_FORMAT),
@@ -156,10 +159,11 @@ impl Subtract {
         let spread = [pages.tiles(), pages.maps_a_page() as u32, pages.texels()];
         view::near_lights(with.frame, spread, &mut self.near_lights);
         let lights = with.frame.lights().len() as u32;
-        self.upload_turns(context, if with.spread == Spread::Each { lights } else { 0 });
+        let in_turn = with.spread == Spread::Each || with.shown.is_some();
+        self.upload_turns(context, if in_turn { lights } else { 0 });
         let missing = |pass: Pass| EngineError::Gpu { pass: pass.name(), reason: "no texture".into() };
         let window = self.turn.at_least(context, self.turn_bytes.len()).clone();
-        let mut resources = [
+        let mut resources = vec![
             self.view.write(context, bytemuck::bytes_of(with.view)),
             self.cameras.write(context, bytemuck::bytes_of(&*self.near_cameras)),
             self.lights.write(context, bytemuck::bytes_of(&*self.near_lights)),
@@ -174,28 +178,49 @@ impl Subtract {
             Resource::Window(window, size_of::<params::Turn>() as u64),
             self.no_taken.bind(context),
         ];
-        let group = self.group.of(context, &self.built, &resources);
         let (width, height) = (with.view.frame[0] as u32, with.view.frame[1] as u32);
         let depth = self.depth.sized(context, width, height, 1);
-        let mut pipeline = &self.pipeline;
-        let mut last = group;
-        if with.spread == Spread::Each {
-            let turns = match &mut self.turns {
-                Some(turns) => turns,
-                slot => slot.insert(Turns::new(context, &self.built)?),
+        let round = Round {
+            frame: with.frame,
+            first: with.first,
+            lights,
+            has_suns: !with.suns.is_empty(),
+            size: (width, height),
+        };
+        let (pass, pipeline, last) = if let Some(shown) = &with.shown {
+            let Displayed { built, turns, group, .. } = {
+                let displayed = match &mut self.displayed {
+                    Some(displayed) => displayed,
+                    slot => slot.insert(Displayed::new(context)?),
+                };
+                resources.extend(displayed.upload(context, with, shown));
+                displayed
             };
-            turns.draw(recorder, with, mesh, (group, depth), lights, (width, height))?;
-            if let Some(taken) = resources.last_mut() {
-                *taken = turns.taken.bind(context);
+            let group = group.of(context, built, &resources);
+            turns.draw(recorder, &round, mesh, (group, depth))?;
+            resources[TAKEN] = turns.taken(context);
+            let (pipeline, last) = turns.after(context, built, &resources);
+            (Pass::SubtractDisplayed, pipeline, last)
+        } else {
+            let group = self.group.of(context, &self.built, &resources);
+            if with.spread == Spread::Each {
+                let turns = match &mut self.turns {
+                    Some(turns) => turns,
+                    slot => slot.insert(Turns::new(context, &self.built, PASS, &STAGES)?),
+                };
+                turns.draw(recorder, &round, mesh, (group, depth))?;
+                resources[TAKEN] = turns.taken(context);
+                let (pipeline, last) = turns.after(context, &self.built, &resources);
+                (PASS, pipeline, last)
+            } else {
+                (PASS, &self.pipeline, group)
             }
-            last = turns.group.of(context, &self.built, &resources);
-            pipeline = &turns.after;
-        }
+        };
         let ratios = ratios.sized(context, width, height, 1);
         let one = f64::from(1.0f32.to_bits());
         let untouched = wgpu::Color { r: one, g: one, b: one, a: 0.0 };
         let targets = Targets { color: cleared(ratios, None, untouched), depth: Some((depth, 0.0)) };
-        recorder.draw(PASS, targets, |pass| {
+        recorder.draw(pass, targets, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, last, &[0]);
             mesh.draw(context, pass);
@@ -250,112 +275,5 @@ impl Subtract {
                 self.room_maps.upload(context, k, bytemuck::cast_slice(maps.depth(0)));
             }
         }
-    }
-}
-
-impl Turns {
-    fn new(context: &GpuContext, built: &Built) -> Result<Self, EngineError> {
-        let whole = |operation| wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::One,
-            dst_factor: wgpu::BlendFactor::One,
-            operation,
-        };
-        let add = whole(wgpu::BlendOperation::Add);
-        let blend = wgpu::BlendState { color: add, alpha: add };
-        let depth_alone =
-            Drawing { write: wgpu::ColorWrites::empty(), ..drawing("nearest_room", TAKEN_FORMAT) };
-        let same = wgpu::CompareFunction::Equal;
-        let one = Drawing { nearer: same, ..drawing("one_light", TAKEN_FORMAT) };
-        Ok(Self {
-            nearest: built.drawing(context, &depth_alone)?,
-            one: built.blending(context, &one, Some(blend))?,
-            after: built.drawing(context, &drawing("after_all", RATIOS_FORMAT))?,
-            taken: KeptTexture::result("taken of the light", TAKEN_FORMAT),
-            group: BoundGroup::default(),
-            chosen: GrowingBuffer::new("triangles by light", wgpu::BufferUsages::INDEX),
-            indices: Vec::new(),
-            begins: Vec::new(),
-        })
-    }
-
-    /// Sorts the lists by light.
-    fn sort(&mut self, frame: &NearFrame, first: u32, lights: u32) {
-        let (ranges, listed) = frame.lists();
-        self.begins.clear();
-        self.begins.resize(lights as usize + 1, 0);
-        for &k in listed {
-            if let Some(count) = self.begins.get_mut(usize::from(k) + 1) {
-                *count += 1;
-            }
-        }
-        for k in 1..self.begins.len() {
-            self.begins[k] += self.begins[k - 1];
-        }
-        let mut next = self.begins.clone();
-        self.indices.clear();
-        self.indices.resize(listed.len(), [0; 3]);
-        for (t, [begin, end]) in (first..).zip(ranges) {
-            for &k in listed.get(*begin as usize..*end as usize).unwrap_or(&[]) {
-                if let Some(place) = next.get_mut(usize::from(k)) {
-                    if let Some(slot) = self.indices.get_mut(*place as usize) {
-                        *slot = [3 * t, 3 * t + 1, 3 * t + 2];
-                    }
-                    *place += 1;
-                }
-            }
-        }
-    }
-
-    /// Adds up what is taken, light by light.
-    fn draw(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        with: &Subtraction<'_>,
-        mesh: &mut RoomMesh,
-        (group, depth): (&wgpu::BindGroup, &wgpu::TextureView),
-        lights: u32,
-        (width, height): (u32, u32),
-    ) -> Result<(), EngineError> {
-        let context = recorder.context;
-        self.sort(with.frame, with.first as u32, lights);
-        self.chosen.write(context, bytemuck::cast_slice(&self.indices));
-        let chosen = self.chosen.at_least(context, 0).clone();
-        let taken = self.taken.sized(context, width, height, 1);
-        let targets =
-            Targets { color: cleared(taken, None, wgpu::Color::TRANSPARENT), depth: Some((depth, 0.0)) };
-        let (nearest, one, begins) = (&self.nearest, &self.one, &self.begins);
-        recorder.draw(PASS, targets, |pass| {
-            pass.set_pipeline(nearest);
-            pass.set_bind_group(0, group, &[0]);
-            mesh.draw(context, pass);
-            pass.set_pipeline(one);
-            for (k, ends) in begins.windows(2).enumerate().filter(|(_, ends)| ends[0] < ends[1]) {
-                pass.set_bind_group(0, group, &[(k * TURN_STRIDE) as u32]);
-                mesh.draw_some(context, pass, &chosen, 3 * ends[0]..3 * ends[1]);
-            }
-            if !with.suns.is_empty() {
-                pass.set_bind_group(0, group, &[lights * TURN_STRIDE as u32]);
-                mesh.draw(context, pass);
-            }
-        })
-    }
-}
-
-const ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![
-    0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2, 4 => Uint32
-];
-
-/// The room, to a target.
-fn drawing(fragment: &'static str, color: wgpu::TextureFormat) -> Drawing<'static> {
-    Drawing {
-        vertex: "vertex",
-        fragment,
-        stride: size_of::<RoomVertex>() as u64,
-        attributes: &ATTRIBUTES,
-        color,
-        write: wgpu::ColorWrites::ALL,
-        nearer: wgpu::CompareFunction::Greater,
-        samples: 1,
-        constants: &[],
     }
 }

@@ -1,0 +1,39 @@
+//! The engines that hard cases run on.
+
+use crate::{gles, support};
+use halflight::engine::{
+    Engine,
+    cpu::CpuEngine,
+    gpu::{Backend, GpuEngine},
+};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Software devices share the cores: one at a time is as fast.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+pub fn turn() -> MutexGuard<'static, ()> {
+    ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The CPU's, with two threads.
+pub fn cpu() -> CpuEngine {
+    CpuEngine::new(Some(2)).expect("threads")
+}
+
+/// Runs on the device of a backend, or says that there is none.
+pub fn on(backend: Backend, test: &str, run: impl FnOnce(&mut dyn Engine)) {
+    let _turn = turn();
+    match GpuEngine::new(Some(backend)) {
+        Ok(mut engine) => {
+            println!("{}", engine.description());
+            run(&mut engine);
+        }
+        Err(error) => support::skip_gpu(&format!("{test} on {}", backend.name()), &error.to_string()),
+    }
+}
+
+/// A test on GL once more where Mesa offers OpenGL ES 3.1.
+pub fn on_gles_3_1(test: &str) {
+    let _turn = turn();
+    gles::assert_gles_3_1(&gles::child(test, "3.1"));
+}
