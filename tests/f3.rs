@@ -1,5 +1,5 @@
 //! F3 of the reference: what near light in a known room takes away at each pixel, against ray tracing, for n = 1 to all
-//! lights. Hard: each light seen from one place, as [Gib03] draws it. Soft: from nine places on its parallelogram, as a
+//! lights. Hard: each light seen from one place, as [Gib03] draws it. Soft: from nine places on the part of it that is seen, as a
 //! filter over its shadow map does. In the ratio form, the share taken away times the picture without the object.
 //! Pixels are means over four places, as the reference's are means over their area.
 //!
@@ -22,6 +22,7 @@ use halflight::{
         representatives::Representative,
     },
     sources::expand::Priority,
+    visibility::point_maps::SeenPart,
 };
 use room_scene::{Object, Off, RoomView, Shadows, Traced, compare};
 use std::path::Path;
@@ -98,20 +99,19 @@ fn table(shared: &Path, id: &str, preparation: &Preparation) -> Vec<Row> {
 /// What was measured. Relative RMSE of all sources, and of 10 and 50 soft lights: 0.04, 0.20 and 0.08 were wanted.
 /// The removed light of 10 and of all, less 1: 0.02 was wanted of both.
 ///
-/// Met against rays without noise, but for the energy of ten lights where a window, a ceiling and a wall patch shine (3 %
-/// too much on the table, 2.5 % above it, 4 % too little below it): a wide light is in part behind the table and in part
-/// behind the object, and the product of both means is not the mean of products. 50 lights are within 1.5 %, but for
-/// 2.8 % below the table, of which 2.1 are interpolation.
+/// Met against rays without noise, but for what is missing below the table at the window: 2.5 % with ten lights, of which 2.1
+/// are interpolation between corners of patches (1.0 with twice as many patches). A light that is seen in part counts with the
+/// part that is seen: with all of it in its place ten lights were 3.3, 2.5 and -4.2 % off at the window.
 ///
 /// The box under the lamp's table is no measure: six of the pixels looked at show its shadow, all in the table's penumbra,
 /// and in one of them, away from the shadow, the object seems to reach in by less than the mask's 64 samples show.
 const KNOWN: [(&str, &str, [f64; 3], [f64; 2]); 6] = [
-    ("f3_ceiling_light", "table", [0.0045, 0.0075, 0.0045], [-0.001, 0.001]),
-    ("f3_ceiling_light", "raised", [0.006, 0.0145, 0.0055], [0.001, 0.001]),
-    ("f3_ceiling_light", "under", [0.103, 0.129, 0.106], [0.112, 0.042]),
-    ("f3_window_ceiling_patch", "table", [0.0125, 0.0475, 0.0185], [0.033, 0.007]),
-    ("f3_window_ceiling_patch", "raised", [0.0325, 0.155, 0.0465], [0.025, 0.005]),
-    ("f3_window_ceiling_patch", "under", [0.0385, 0.0605, 0.0435], [-0.042, -0.021]),
+    ("f3_ceiling_light", "table", [0.0045, 0.0070, 0.0045], [0.001, 0.001]),
+    ("f3_ceiling_light", "raised", [0.006, 0.0145, 0.0055], [0.002, 0.001]),
+    ("f3_ceiling_light", "under", [0.103, 0.107, 0.100], [0.041, 0.042]),
+    ("f3_window_ceiling_patch", "table", [0.0125, 0.051, 0.0205], [0.003, 0.007]),
+    ("f3_window_ceiling_patch", "raised", [0.0325, 0.1445, 0.0435], [0.007, 0.005]),
+    ("f3_window_ceiling_patch", "under", [0.0385, 0.0465, 0.0385], [-0.025, -0.021]),
 ];
 
 #[test]
@@ -129,7 +129,7 @@ fn removed_light_against_ray_tracing() {
                 assert!(held[at].rmse <= most, "{id} {object} n {}: {} of {most}", COUNTS[at], held[at].rmse);
             }
             for (at, most) in
-                [(2, known.3[0]), (5, known.3[1])].map(|(at, k): (_, f64)| (at, k.abs() + 0.005))
+                [(2, known.3[0]), (5, known.3[1])].map(|(at, k): (_, f64)| (at, k.abs() + 0.003))
             {
                 assert!((held[at].energy - 1.0).abs() <= most, "{id} {object}: {:?}", held[at]);
             }
@@ -168,7 +168,7 @@ fn what_is_left_out_of_the_source_set_is_known() {
 }
 
 /// Lights of a frame, what each sends to every vertex, and what is removed there.
-type Before = (Vec<Representative>, Vec<[f32; 3]>, Vec<f32>);
+type Before = (Vec<Representative>, Vec<[f32; 3]>, Vec<SeenPart>, Vec<f32>);
 
 /// The largest of what a step of `step_m` changes anywhere on the table and the floor, over the deepest shadow there, while a
 /// box of 20 cm is carried over the table: where the lights of the frame before would have been kept, and in all.
@@ -195,13 +195,19 @@ fn largest_steps(case: &case::Case, field: &NearField, step_m: f32, count: usize
     for frame in 0..FRAMES {
         let object = Object::new(&mesh, Vec3::new(-0.25 + step_m * frame as f32, 0.05, 0.25));
         shadows.frame(case, field, &object, count, Priority::ErrorRemoved);
-        let removed = |lights: &[Representative], rows: &[[f32; 3]]| -> Vec<f32> {
+        let removed = |lights: &[Representative], rows: &[[f32; 3]], parts: &[SeenPart]| -> Vec<f32> {
             let at = |&v: &usize| {
                 let at = field.patches.vertices[v];
                 let light = |(k, light): (usize, &Representative)| {
                     let row = color::luminance(rows[k * vertices + v]);
                     if row > 0.0 {
-                        row * object.hidden(at.gather_world, at.normal_world, light, side)
+                        row * object.hidden(
+                            at.gather_world,
+                            at.normal_world,
+                            light,
+                            side,
+                            parts[k * vertices + v].middle_half(),
+                        )
                     } else {
                         0.0
                     }
@@ -210,14 +216,14 @@ fn largest_steps(case: &case::Case, field: &NearField, step_m: f32, count: usize
             };
             watched.iter().map(at).collect()
         };
-        let now = removed(shadows.lights.near(), &shadows.rows);
+        let now = removed(shadows.lights.near(), &shadows.rows, &shadows.parts);
         depth = now.iter().copied().fold(depth, f32::max);
-        if let Some((lights, rows, last)) = before {
+        if let Some((lights, rows, parts, last)) = before {
             let largest = |old: &[f32]| old.iter().zip(&now).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            let both = [largest(&removed(&lights, &rows)), largest(&last)];
+            let both = [largest(&removed(&lights, &rows, &parts)), largest(&last)];
             steps.iter_mut().zip(both).for_each(|(most, step)| *most = most.max(step));
         }
-        before = Some((shadows.lights.near().to_vec(), shadows.rows.clone(), now));
+        before = Some((shadows.lights.near().to_vec(), shadows.rows.clone(), shadows.parts.clone(), now));
     }
     assert!(watched.len() > 100 && depth > 0.0);
     steps.map(|step| step / depth)
@@ -246,9 +252,9 @@ fn a_box_that_moves_slowly_does_not_make_its_shadow_jump() {
 /// What moves in all is mostly edges of the box that pass over a place: a light of ten is a tenth of the shadow.
 const STEPS: [(f32, usize, u32, [f32; 2]); 6] = [
     (0.0001, 10, 1, [0.0, 0.267]),
-    (0.0001, 10, 3, [0.0935, 0.0935]),
-    (0.0001, 50, 3, [0.002, 0.019]),
+    (0.0001, 10, 3, [0.0085, 0.078]),
+    (0.0001, 50, 3, [0.0001, 0.0155]),
     (0.005, 10, 1, [0.228, 0.485]),
-    (0.005, 10, 3, [0.076, 0.147]),
-    (0.005, 50, 3, [0.0141, 0.0702]),
+    (0.005, 10, 3, [0.071, 0.1]),
+    (0.005, 50, 3, [0.0124, 0.0712]),
 ];

@@ -24,12 +24,15 @@ use halflight::{
     },
     plan::{FramePlan, Pass, effects},
 };
-use room_scene::{Off, compare};
+use room_scene::{Object, Off, RoomView, Traced, compare};
 use std::{path::Path, sync::Arc};
 
-const COUNTS: [usize; 5] = [1, 5, 10, 20, 50];
+const COUNTS: [usize; 6] = [1, 5, 10, 20, 50, 256];
 
-fn table(shared: &Path, id: &str) -> Vec<(&'static str, u32, Vec<Off>)> {
+/// Object, places of each light a side; off from rays of our own, and off from the reference's picture.
+type Row = (&'static str, u32, Vec<Off>, Vec<Off>);
+
+fn table(shared: &Path, id: &str) -> Vec<Row> {
     let case = case::load(&shared.join("reference").join(id)).unwrap();
     let preparation = Preparation { power_share: 1.0, ..Preparation::default() };
     let how = RoomSettings { preparation, ..RoomSettings::default() };
@@ -38,6 +41,7 @@ fn table(shared: &Path, id: &str) -> Vec<(&'static str, u32, Vec<Off>)> {
     let mut background = HdrImage::default();
     background.flags.reshape(radiance.width(), radiance.height(), 0);
     background.radiance = radiance;
+    let view = RoomView::new(&case, &known.field.patches, &case.room(), 2);
     let mut engine = CpuEngine::new(None).unwrap();
     engine.load_room(Some(Arc::clone(&known))).unwrap();
     let mut rows = Vec::new();
@@ -46,10 +50,12 @@ fn table(shared: &Path, id: &str) -> Vec<(&'static str, u32, Vec<Off>)> {
         scene.surfaces.clear();
         scene.room = Some(Arc::new(known.room.clone()));
         engine.load_scene(&scene).unwrap();
+        let of_object = Object::of(&case, &format!("obj_{object}"));
+        let truth = Traced::new(&case, object, &case.room(), &view, &of_object, 24);
         let posed = Posed::new(&scene);
         let light = Lights::soft(RadianceSh::zero(4));
         for places in [1, 4] {
-            let offs: Vec<Off> = COUNTS
+            let (offs, of_reference): (Vec<Off>, Vec<Off>) = COUNTS
                 .iter()
                 .map(|&n| {
                     let quality = Quality { shadow_maps: n, pcf_taps: places, ..Quality::default() };
@@ -73,49 +79,59 @@ fn table(shared: &Path, id: &str) -> Vec<(&'static str, u32, Vec<Off>)> {
                         .zip(picture.radiance.pixels())
                         .map(|(before, after)| std::array::from_fn(|c| before[c] - after[c]))
                         .collect();
-                    compare(&case, object, &shown)
+                    (truth.compare(&shown), compare(&case, object, &shown))
                 })
-                .collect();
-            let line: String =
-                offs.iter().map(|o| format!("  {:.3} {:+5.1}%", o.rmse, 100.0 * (o.energy - 1.0))).collect();
-            println!("{id} {object:7} {places} places {line}");
-            rows.push((object, places, offs));
+                .unzip();
+            let line = |offs: &[Off]| -> String {
+                offs.iter().map(|o| format!("  {:.4} {:+5.1}%", o.rmse, 100.0 * (o.energy - 1.0))).collect()
+            };
+            println!("{id} {object:7} {places} places {}", line(&offs));
+            println!("                          the reference's  {}", line(&of_reference));
+            rows.push((object, places, offs, of_reference));
         }
     }
     rows
 }
 
-/// Measured with filtered maps against the reference's own pictures (its noise alone is 0.087 for the raised box at the
-/// window, about 0.03 for the others there): relative RMSE with 10 and with 50 lights, and the removed light of 50, less 1. The
-/// box under the lamp's table stands in the table's own shadow; see `f3.rs` for the same with rays in place of maps.
-const KNOWN: [(&str, &str, [f64; 2], f64); 6] = [
-    ("f3_ceiling_light", "table", [0.020, 0.017], 0.003),
-    ("f3_ceiling_light", "raised", [0.030, 0.021], -0.013),
-    ("f3_ceiling_light", "under", [0.144, 0.139], 0.081),
-    ("f3_window_ceiling_patch", "table", [0.108, 0.050], -0.015),
-    ("f3_window_ceiling_patch", "raised", [0.233, 0.125], -0.022),
-    ("f3_window_ceiling_patch", "under", [0.077, 0.056], -0.042),
+/// Measured with filtered maps, with 10, 50 and 256 lights: relative RMSE, and the removed light, less 1. Against rays of our
+/// own, which have no noise; the reference's is 0.087 for the raised box at the window, about 0.03 for the others there.
+///
+/// Wanted were 0.20, 0.08 and 0.04, and 0.02 of the light. What is missing of it at the window: a map sees an object from one
+/// place only, and of wide lights (10) that is too little of a box; on the floor, 2 % are interpolation between corners of
+/// patches, as with rays (`f3.rs`).
+///
+/// The box under the lamp's table is no measure against rays (see there): its figures are against the reference.
+const KNOWN: [(&str, &str, [f64; 3], [f64; 3]); 6] = [
+    ("f3_ceiling_light", "table", [0.0129, 0.0093, 0.0095], [-0.0004, 0.0004, 0.0006]),
+    ("f3_ceiling_light", "raised", [0.0242, 0.0136, 0.0128], [0.0043, 0.0043, 0.0048]),
+    ("f3_ceiling_light", "under", [0.1199, 0.1308, 0.1414], [0.0472, 0.0598, 0.0715]),
+    ("f3_window_ceiling_patch", "table", [0.0850, 0.0333, 0.0211], [-0.0234, -0.0036, 0.0027]),
+    ("f3_window_ceiling_patch", "raised", [0.1646, 0.0734, 0.0404], [-0.0773, -0.0329, -0.0075]),
+    ("f3_window_ceiling_patch", "under", [0.0738, 0.0536, 0.0522], [-0.0410, -0.0280, -0.0245]),
 ];
 
 #[test]
 fn removed_light_by_shadow_maps_against_ray_tracing() {
     let Some(shared) = support::shared("removed_light_by_shadow_maps_against_ray_tracing") else { return };
     for id in ["f3_ceiling_light", "f3_window_ceiling_patch"] {
-        for (object, places, offs) in table(&shared, id) {
+        for (object, places, offs, of_reference) in table(&shared, id) {
+            let few = (id, object) == ("f3_ceiling_light", "under");
             // More maps are better, hard or filtered; a box in the table's shadow of which six pixels are seen goes up and
             // down by a fiftieth.
-            for pair in offs.windows(2) {
+            for pair in of_reference.windows(2) {
                 assert!(pair[1].rmse <= 1.05 * pair[0].rmse + 0.02, "{id} {object} {places}: {offs:?}");
             }
             if places == 1 {
                 continue;
             }
             let known = KNOWN.iter().find(|k| (k.0, k.1) == (id, object)).unwrap();
-            // Nothing is random: a tenth more is room for other rounding.
-            assert!(offs[2].rmse <= 1.1 * known.2[0], "{id} {object}, 10 maps: {:?}", offs[2]);
-            assert!(offs[4].rmse <= 1.1 * known.2[1], "{id} {object}, 50 maps: {:?}", offs[4]);
-            let energy = offs[4].energy - 1.0;
-            assert!(energy.abs() <= known.3.abs() + 0.005, "{id} {object}, 50 maps: {energy:+.3}");
+            let held = if few { &of_reference } else { &offs };
+            for (k, at) in [2, 4, 5].into_iter().enumerate() {
+                // Nothing is random: a twentieth more is room for other rounding.
+                let (off, n) = (held[at], COUNTS[at]);
+                assert!(off.rmse <= 1.05 * known.2[k], "{id} {object}, {n} maps: {off:?}");
+                assert!((off.energy - 1.0 - known.3[k]).abs() <= 0.003, "{id} {object}, {n} maps: {off:?}");
+            }
         }
     }
 }

@@ -10,9 +10,10 @@ mod nearfield;
 mod opencv;
 mod project_sh;
 mod room;
+mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 9] = [
+    let all: [(&str, fn()); 10] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
@@ -21,6 +22,7 @@ fn main() {
         ("nearfield", nearfield::run),
         ("room", room::run),
         ("effects", effects::run),
+        ("trace", trace::run),
         ("frame", frame::run),
     ];
     // Cargo itself adds `--bench`.

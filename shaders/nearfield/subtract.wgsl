@@ -7,7 +7,8 @@
 @group(0) @binding(3) var point_maps: texture_2d_array<u32>;
 // For each triangle where its lights begin and end in `listed`.
 @group(0) @binding(4) var ranges: texture_2d<u32>;
-// Three texels for each light of each triangle: what it sends to the triangle's corners; its number in the first one's w.
+// Four texels for each light of each triangle: what it sends to the triangle's corners; its number in the first one's w; in
+// the other two's and in the fourth which part of it each corner sees, along both half axes.
 @group(0) @binding(5) var listed: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> suns: SunTerms;
 // The objects under each sun, and the room itself.
@@ -33,7 +34,7 @@ struct Turn {
 
 const SUNS = 0xffffu;
 const RANGES_A_ROW = 1024u;
-const LISTED_A_ROW = 682u;
+const LISTED_A_ROW = 512u;
 const NO_TRIANGLE = 0xffffffffu;
 const TINY_LIGHT = 1e-12;
 const INVERSE_PI = 0.31830989;
@@ -107,21 +108,41 @@ fn listed_range(seen: Seen) -> vec2<u32> {
 
 // Where a light of a triangle begins in `listed`.
 fn listed_at(i: u32) -> vec2<i32> {
-    return vec2<i32>(vec2<u32>(3u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
+    return vec2<i32>(vec2<u32>(4u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
+}
+
+// Which part of a light of its triangle the point sees: between the corners' parts by the light that comes of each.
+fn part_of(seen: Seen, corner: vec2<i32>) -> vec4<f32> {
+    let entire = vec4<f32>(0.0, 0.0, 1.0, 1.0);
+    if lights.tiles_maps_texels_side.w <= 1u {
+        return entire;
+    }
+    let a = textureLoad(listed, corner, 0);
+    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0);
+    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0);
+    let sums = vec3<f32>(a.x + a.y + a.z, b.x + b.y + b.z, c.x + c.y + c.z);
+    let light = max(vec3<f32>(seen.weights, 1.0 - seen.weights.x - seen.weights.y), vec3<f32>(0.0)) * sums;
+    let whole = light.x + light.y + light.z;
+    if whole <= 0.0 {
+        return entire;
+    }
+    let rest = textureLoad(listed, corner + vec2<i32>(3, 0), 0);
+    let parts = light.x * seen_part(vec2<f32>(b.w, c.w)) + light.y * seen_part(rest.xy);
+    return (parts + light.z * seen_part(rest.zw)) / whole;
 }
 
 // What objects block of a light of the point's triangle.
 fn blocked_of(seen: Seen, i: u32) -> vec3<f32> {
     let corner = listed_at(i);
     let a = textureLoad(listed, corner, 0);
-    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal);
+    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal, part_of(seen, corner));
     if visible >= 1.0 {
         return vec3<f32>(0.0);
     }
-    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0).xyz;
-    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0).xyz;
+    let b = textureLoad(listed, corner + vec2<i32>(1, 0), 0);
+    let c = textureLoad(listed, corner + vec2<i32>(2, 0), 0);
     let third = 1.0 - seen.weights.x - seen.weights.y;
-    return (1.0 - visible) * (seen.weights.x * a.xyz + seen.weights.y * b + third * c);
+    return (1.0 - visible) * (seen.weights.x * a.xyz + seen.weights.y * b.xyz + third * c.xyz);
 }
 
 fn ratio(seen: Seen) -> vec3<f32> {

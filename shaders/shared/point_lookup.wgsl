@@ -43,8 +43,15 @@ fn along_axes(camera: PointCamera, v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(v.yzx, forward), dot(v.zxy, forward), dot(v, camera.forward.xyz));
 }
 
-// Of light k.
-fn point_visibility(k: u32, point_world: vec3<f32>, normal: vec3<f32>) -> f32 {
+// Which part of a light is seen, of a code for each half axis: middles and half lengths along both, in their lengths.
+fn seen_part(codes: vec2<f32>) -> vec4<f32> {
+    let bits = vec2<u32>(codes);
+    let middle = (vec2<f32>(bits >> vec2<u32>(12u)) - 2048.0) / 1024.0;
+    return vec4<f32>(middle, vec2<f32>(bits & vec2<u32>(4095u)) / 2048.0);
+}
+
+// Of a part of light k.
+fn point_visibility(k: u32, point_world: vec3<f32>, normal: vec3<f32>, part: vec4<f32>) -> f32 {
     let camera = cameras_near.cameras[k];
     let near_m = camera.place_near.w;
     let mapped = point_mapped(camera, point_world);
@@ -88,7 +95,8 @@ fn point_visibility(k: u32, point_world: vec3<f32>, normal: vec3<f32>) -> f32 {
     for (var round = 0u; round < 2u; round += 1u) {
         for (var i = 0u; i < n * n; i += 1u) {
             let step = (2.0 * vec2<f32>(f32(i % n), f32(i / n)) + 1.0) / f32(n) - 1.0;
-            let place = u * step.x + v * step.y;
+            let beside = part.xy + part.zw * step;
+            let place = u * beside.x + v * beside.y;
             let forward = 1.0 / (1.0 - place.z * inverse_r);
             let scale = forward * (1.0 - place.z * inverse_b);
             let along = forward * (inverse_b - inverse_r) / texel;

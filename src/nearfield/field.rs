@@ -135,7 +135,7 @@ impl NearField {
             ends;
         let Sent { transfers, sums, rest_rgb } = sent;
         let mut kept_rgb = vec![[0.0f32; 3]; patches.vertices.len()];
-        let mut planes = BlockSums::default();
+        let mut planes: BlockSums = BlockSums::default();
         planes.want(&(0..patches.vertices.len() as u32).collect::<Vec<_>>(), patches.vertices.len());
         transfers.add_to(sources.iter().map(|s| s.radiance_rgb).enumerate(), &mut planes);
         planes.take(&mut kept_rgb);

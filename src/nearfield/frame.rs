@@ -12,7 +12,7 @@ use crate::{
     math::{lens::Lens, pose::Pose},
     sources::expand::Priority,
     visibility::{
-        point_maps::{LightPlaces, PlaceReads, PointMaps},
+        point_maps::{LightPlaces, PlaceReads, PointMaps, SeenPart},
         proxies::Proxies,
     },
 };
@@ -45,6 +45,10 @@ pub struct NearFrame {
     marks: Marks,
     chosen: Representatives,
     rows: Vec<[f32; 3]>,
+    /// Which part of each light each vertex sees, in the order of `rows`; empty for hard shadows.
+    parts: Vec<SeenPart>,
+    /// How far each light's parts go along its half axes.
+    part_reach: Vec<[f32; 2]>,
     casters: Vec<Vec3>,
     boxes: Vec<Aabb>,
     maps: PointMaps,
@@ -82,6 +86,10 @@ impl NearFrame {
         self.chosen.light_rows(field, &self.marks, &mut self.rows);
         self.vertices = field.patches.vertices.len();
         let hard = quality.places <= 1;
+        self.parts.clear();
+        if !hard {
+            self.chosen.light_parts(field, &self.marks, &mut self.parts, &mut self.part_reach);
+        }
         let place = |light: &Representative| if hard { light.centre_world } else { light.middle_world };
         self.intensities.clear();
         let (marks, chosen) = (&self.marks, self.chosen.near());
@@ -97,7 +105,10 @@ impl NearFrame {
             LightPlaces { half_axes: half_axes.map(along), side }
         }));
         self.reads.clear();
-        self.reads.extend(self.places.iter().map(|places| PlaceReads::new(places, reach_m(places))));
+        self.reads.extend(self.places.iter().enumerate().map(|(k, places)| {
+            let reach = self.part_reach.get(k).copied().unwrap_or_default();
+            PlaceReads::new(places, reach_m(places, reach))
+        }));
     }
 
     /// Draws the maps, on the CPU.
@@ -154,6 +165,11 @@ impl NearFrame {
     /// What light `k` sends to a vertex.
     pub fn sent(&self, k: usize, vertex: u32) -> [f32; 3] {
         self.rows.get(k * self.vertices + vertex as usize).copied().unwrap_or([0.0; 3])
+    }
+
+    /// Which part of light `k` a vertex sees.
+    pub fn part(&self, k: usize, vertex: u32) -> SeenPart {
+        self.parts.get(k * self.vertices + vertex as usize).copied().unwrap_or(SeenPart::WHOLE)
     }
 
     /// The shadow maps.
@@ -219,10 +235,10 @@ fn intensity(field: &NearField, marks: &Marks, light: &Representative) -> [f32; 
     sum
 }
 
-/// How far a light's places move what a map is read at, metres at the light.
-fn reach_m(places: &LightPlaces) -> f32 {
+/// How far a light's places move what a map is read at, metres at the light, where its parts go `reach` times its half axes.
+fn reach_m(places: &LightPlaces, reach: [f32; 2]) -> f32 {
     let [u, v] = places.half_axes;
-    let along = |k: usize| u[k].abs() + v[k].abs();
+    let along = |k: usize| reach[0] * u[k].abs() + reach[1] * v[k].abs();
     if places.side > 1 { along(0).hypot(along(1)) + WIDEST * along(2) } else { 0.0 }
 }
 

@@ -4,7 +4,7 @@
 use super::{faces::Faces, frame::NearFrame, irradiance::IrradianceVolume, prepare::KnownRoom};
 use crate::{
     model::light::{HardLight, Lights},
-    visibility::point_maps,
+    visibility::point_maps::{self, WHOLE},
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -37,7 +37,7 @@ pub fn white_at(
                 Some(mapped) => {
                     // Vertices lie in no plane: a little before the surface nothing of it is in the way.
                     let slope = camera.slope(point_world, normal);
-                    point_maps::visibility(map.depth(), camera, &frame.places()[k], mapped, slope)
+                    point_maps::visibility(map.depth(), camera, &frame.places()[k], WHOLE, mapped, slope)
                 }
                 None => 1.0,
             },

@@ -64,14 +64,21 @@ fn words(vertices: usize) -> usize {
     vertices.div_ceil(BLOCK).div_ceil(64)
 }
 
-/// Room for sums over vertices in whole blocks, colour by colour, and which blocks are asked for.
-#[derive(Clone, Debug, Default)]
-pub struct BlockSums {
+/// Room for sums over vertices in whole blocks, plane by plane (colours, or what else is summed), and which blocks are asked
+/// for.
+#[derive(Clone, Debug)]
+pub struct BlockSums<const P: usize = 3> {
     wanted: Vec<u64>,
-    planes: [Vec<f32>; 3],
+    planes: [Vec<f32>; P],
 }
 
-impl BlockSums {
+impl<const P: usize> Default for BlockSums<P> {
+    fn default() -> Self {
+        Self { wanted: Vec::new(), planes: [const { Vec::new() }; P] }
+    }
+}
+
+impl<const P: usize> BlockSums<P> {
     /// Asks for the blocks of these vertices, of so many.
     pub fn want(&mut self, vertices: &[u32], count: usize) {
         self.wanted.clear();
@@ -87,12 +94,13 @@ impl BlockSums {
     }
 
     /// Writes the sums to a list with an entry for every vertex, and begins anew.
-    pub fn take(&mut self, out: &mut [[f32; 3]]) {
-        let [red, green, blue] = &mut self.planes;
-        for (((out, r), g), b) in out.iter_mut().zip(&*red).zip(&*green).zip(&*blue) {
-            *out = [*r, *g, *b];
+    pub fn take(&mut self, out: &mut [[f32; P]]) {
+        for (k, plane) in self.planes.iter_mut().enumerate() {
+            for (out, sum) in out.iter_mut().zip(&*plane) {
+                out[k] = *sum;
+            }
+            plane.fill(0.0);
         }
-        [red, green, blue].into_iter().for_each(|plane| plane.fill(0.0));
     }
 }
 
@@ -181,12 +189,15 @@ impl Transfers {
         }
     }
 
-    /// Adds the wanted blocks of some sources, each times its colour.
-    pub fn add_to(&self, sources: impl Iterator<Item = (usize, [f32; 3])>, sums: &mut BlockSums) {
-        let wanted = &sums.wanted;
-        let [red, green, blue] = &mut sums.planes;
+    /// Adds the wanted blocks of some sources, each times its factor in every plane.
+    pub fn add_to<const P: usize>(
+        &self,
+        sources: impl Iterator<Item = (usize, [f32; P])>,
+        sums: &mut BlockSums<P>,
+    ) {
+        let BlockSums { wanted, planes } = sums;
         widest(|| {
-            for (source, colour) in sources {
+            for (source, factors) in sources {
                 let mut at = self.first[source] as usize;
                 for (word, &held) in
                     self.bits[source * self.words..(source + 1) * self.words].iter().enumerate()
@@ -202,7 +213,7 @@ impl Transfers {
                             continue;
                         }
                         let begin = (word * 64 + bit) * BLOCK;
-                        for (plane, c) in [&mut *red, &mut *green, &mut *blue].into_iter().zip(colour) {
+                        for (plane, c) in planes.iter_mut().zip(factors) {
                             let Some(sums) = plane.get_mut(begin..begin + BLOCK) else { continue };
                             for (sum, code) in sums.iter_mut().zip(codes) {
                                 *sum += c * unpack(*code);

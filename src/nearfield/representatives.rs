@@ -4,6 +4,7 @@ use super::{field::NearField, marks::Marks, packed::BlockSums, shaft::Aabb};
 use crate::{
     math::solve::symmetric_eigen,
     sources::expand::{Chosen, Expander, Marked, Priority},
+    visibility::point_maps::SeenPart,
 };
 use glam::{DVec3, Vec3};
 
@@ -42,6 +43,11 @@ pub struct Representatives {
     /// Whether all leaves below a node of the octree are marked.
     whole: Vec<bool>,
     sums: BlockSums,
+    /// For each source along which its light's places are told: luminance, times its place along both half axes, times the
+    /// squares of these.
+    shapes: BlockSums<5>,
+    shape: Vec<[f32; 5]>,
+    eye: Vec3,
     near: Vec<Representative>,
     far: Vec<Chosen>,
 }
@@ -63,6 +69,7 @@ impl Representatives {
     ) {
         let around = objects.iter().filter(|b| b.is_sound()).fold(Aabb::EMPTY, |sum, b| sum.join(b));
         let eye = around.centre();
+        self.eye = eye;
         self.light.clear();
         self.light.resize(field.sources.len(), 0.0);
         let area_m2 = self.receive(field, marks);
@@ -131,6 +138,58 @@ impl Representatives {
             let marked = (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s));
             field.transfers().add_to(marked.map(|s| (s, field.sources[s].radiance_rgb)), &mut self.sums);
             self.sums.take(row);
+        }
+    }
+
+    /// Which part of each near light each vertex sees, as [`Representatives::light_rows`] lists what arrives there: the room
+    /// itself hides the rest, and what is near sends more. `reach` gets for each light how far its parts go along its half
+    /// axes at most.
+    pub fn light_parts(
+        &mut self,
+        field: &NearField,
+        marks: &Marks,
+        out: &mut Vec<SeenPart>,
+        reach: &mut Vec<[f32; 2]>,
+    ) {
+        let vertices = field.patches.vertices.len();
+        out.resize(self.near.len() * vertices, SeenPart::WHOLE);
+        reach.clear();
+        self.shapes.want(marks.vertices(), vertices);
+        self.shape.resize(vertices, [0.0; 5]);
+        for (light, parts) in self.near.iter().zip(out.chunks_mut(vertices.max(1))) {
+            let node = field.source_tree.nodes()[light.node as usize];
+            let marked = (node.begin as usize..node.end as usize).filter(|&s| marks.has_source(s));
+            // Sources at their directions from the objects, as `spread` has them.
+            let distance_m = (light.middle_world - self.eye).length();
+            let along = light.half_axes_world.map(|axis| axis / axis.length_squared().max(1e-12));
+            let factors = marked.map(|s| {
+                let off = self.eye + self.towards[s] * distance_m - light.middle_world;
+                let [xx, xy, xz, yy, yz, zz] = field.source_scatters_m2()[s];
+                let square = |v: Vec3| {
+                    let [x, y, z] = (v * v).to_array();
+                    x * xx + y * yy + z * zz + 2.0 * (v.x * v.y * xy + v.x * v.z * xz + v.y * v.z * yz)
+                };
+                let [a, b] = along.map(|v| off.dot(v));
+                let [aa, bb] = [a * a + square(along[0]), b * b + square(along[1])];
+                (s, [1.0, a, b, aa, bb].map(|f| f * field.sources[s].luminance))
+            });
+            field.transfers().add_to(factors, &mut self.shapes);
+            self.shapes.take(&mut self.shape);
+            let mut most = [0.0f32; 2];
+            for (part, [light, a, b, aa, bb]) in parts.iter_mut().zip(&self.shape) {
+                if !(*light > 0.0) {
+                    continue;
+                }
+                let [a, b, aa, bb] = [a, b, aa, bb].map(|sum| sum / light);
+                // Even light over half a length h has the variance h^2 / 3.
+                let half = [aa - a * a, bb - b * b].map(|v| (3.0 * v.max(0.0)).sqrt());
+                *part = SeenPart::of([a, b], half);
+                let (middle, half) = part.middle_half();
+                for k in 0..2 {
+                    most[k] = most[k].max(middle[k].abs() + half[k]);
+                }
+            }
+            reach.push(most);
         }
     }
 

@@ -4,7 +4,10 @@
 //! tone map follows. Twin: `shaders/nearfield/subtract.wgsl`.
 
 use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
-use crate::{math::widest::widest, visibility::shadow_maps::ShadowMaps};
+use crate::{
+    math::widest::widest,
+    visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps},
+};
 use glam::Vec3;
 
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
@@ -61,7 +64,7 @@ pub fn at_points<const N: usize>(
             [all[i], blocked[i]] = with.suns.at(point(i), normal, with.sun_shadows, with.taps);
         }
     }
-    each_hidden(with, run, count, |light, visible| {
+    each_hidden(with, run, &weights, count, |light, visible| {
         let sent = corners.map(|v| with.frame.sent(light, v));
         for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
             if *visible < 1.0 {
@@ -87,14 +90,15 @@ pub fn at_points<const N: usize>(
 }
 
 /// Gives each light of a run's triangle that is not seen from all of its first `count` points, and the share of it that each of
-/// them sees.
+/// them sees; `weights` as in [`at_points`].
 pub(super) fn each_hidden<const N: usize>(
     with: &SubtractFrame<'_>,
     run: &RoomPoints<'_, N>,
+    weights: &impl Fn(usize) -> [f32; 3],
     count: usize,
     mut each: impl FnMut(usize, &[f32; N]),
 ) {
-    let (normal, points, frame) = (run.normal, run.points_world, with.frame);
+    let (corners, normal, points, frame) = (run.corners, run.normal, run.points_world, with.frame);
     let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
     let ends = [point(0), point(count.max(1) - 1)];
     for &k in frame.listed(run.triangle) {
@@ -105,15 +109,45 @@ pub(super) fn each_hidden<const N: usize>(
         if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
             continue;
         }
+        let sent = corners.map(|v| frame.sent(light, v));
+        let part = || {
+            let parts = corners.map(|v| frame.part(light, v).middle_half());
+            let mut seen = [[0.0; N]; 4];
+            for i in 0..N {
+                let ([a, b], [c, d]) = seen_part(&parts, &sent, weights(i.min(count - 1)));
+                seen.iter_mut().zip([a, b, c, d]).for_each(|(seen, v)| seen[i] = v);
+            }
+            seen
+        };
         let visible = widest(
             #[inline(always)]
-            || reads.visibility(map, camera, points, normal),
+            || reads.visibility(map, camera, points, normal, part),
         );
         if visible[..count].iter().all(|v| *v >= 1.0) {
             continue;
         }
         each(light, &visible);
     }
+}
+
+/// Which part of a light a point of a triangle sees: between its corners' by the light that comes of each (`sent`), and their
+/// weights; middle and half lengths as in [`SeenPart`](crate::visibility::point_maps::SeenPart).
+#[inline(always)]
+pub fn seen_part(
+    parts: &[([f32; 2], [f32; 2]); 3],
+    sent: &[[f32; 3]; 3],
+    weights: [f32; 3],
+) -> ([f32; 2], [f32; 2]) {
+    let light: [f32; 3] =
+        std::array::from_fn(|k| weights[k].max(0.0) * (sent[k][0] + sent[k][1] + sent[k][2]));
+    let whole = light[0] + light[1] + light[2];
+    if !(whole > 0.0) {
+        return WHOLE;
+    }
+    let mean = |[a, b, c]: [[f32; 2]; 3]| {
+        [0, 1].map(|i: usize| (light[0] * a[i] + light[1] * b[i] + light[2] * c[i]) / whole)
+    };
+    (mean(parts.map(|part| part.0)), mean(parts.map(|part| part.1)))
 }
 
 /// Between the corners of a triangle.

@@ -190,7 +190,7 @@ pub fn at_points<const N: usize>(
             }
         }
     }
-    subtract::each_hidden(&with, run, count, |light, visible| {
+    subtract::each_hidden(&with, run, &weights, count, |light, visible| {
         let sent = run.corners.map(|v| with.frame.sent(light, v));
         let before = run.corners.map(|v| lights.before(light, v));
         for i in (0..count).filter(|&i| visible[i] < 1.0) {

@@ -220,7 +220,7 @@ impl Prepared {
             }
         }
         let Some((direction, factor, sky)) =
-            self.draw(&reflects, start, at, course.numbers.pair(course.place))
+            self.draw(&reflects, start, at, course.bounces > 0, course.numbers.pair(course.place))
         else {
             return sum;
         };
@@ -243,6 +243,7 @@ impl Prepared {
         reflects: &Reflects,
         start: Vec3,
         at: &Meeting,
+        is_lit_by_others: bool,
         [u, v]: [f32; 2],
     ) -> Option<(Vec3, Vec3, Vec3)> {
         let sky_power = self.sky.power();
@@ -261,6 +262,9 @@ impl Prepared {
             (false, true) => near_surface_share,
             (true, true) => near_surface_share.max(0.25),
         };
+        // Gloss is best met by its own lobe, and light that was reflected before by the surface's.
+        let surface_share =
+            if reflects.is_glossy() || is_lit_by_others { surface_share.max(0.5) } else { surface_share };
         // The sky's share of the light drawn: what comes from below is of no use.
         let sky_share = if lights > 0.0 { (1.0 - surface_share) * sky_power / lights } else { 0.0 };
         let near_share = 1.0 - surface_share - sky_share;

@@ -57,6 +57,11 @@ impl Reflects {
         })
     }
 
+    /// Whether it has more than a matt part.
+    pub fn is_glossy(&self) -> bool {
+        self.matt_share < 1.0
+    }
+
     /// f+ and density of a unit direction. Lambert: albedo / pi max(0, n.w); gloss:
     /// reflectance (s + 1) / (2 pi) max(0, r.w)^s. Nothing from below the surface.
     #[inline]

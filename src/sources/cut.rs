@@ -73,7 +73,8 @@ impl Cutter {
     /// finite luminous flux or with a place that is not finite are passed over.
     pub fn cut(&mut self, leaves: &[Leaf], count: usize) -> &[Representative] {
         self.leaves.clear();
-        self.leaves.extend(leaves.iter().filter(|l| l.at.is_finite() && weight(l) > 0.0));
+        self.leaves
+            .extend(leaves.iter().filter(|l| l.at.is_finite() && weight(l) > 0.0 && weight(l).is_finite()));
         // Unstable sorts allocate nothing, and equal input still gives equal order.
         self.leaves.sort_unstable_by_key(|l| l.root);
         self.nodes.clear();
@@ -296,6 +297,16 @@ fn towards_geometric_median(range: &[Leaf], start: DVec3, total: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn leaves_of_endless_flux_are_passed_over() {
+        let leaf = |flux: f32, root| Leaf { at: Vec3::X, flux_rgb: [flux; 3], root };
+        let leaves = [leaf(f32::INFINITY, 0), leaf(2.0, 0), leaf(f32::NAN, 1), leaf(-1.0, 1)];
+        let mut cutter = Cutter::default();
+        let made = cutter.cut(&leaves, 4);
+        assert_eq!(made.len(), 1);
+        assert_eq!((made[0].at, made[0].flux_rgb, made[0].leaves), (Vec3::X, [2.0; 3], 1));
+    }
     use proptest::prelude::*;
 
     fn leaf(x: f32, y: f32, flux: f32, root: u32) -> Leaf {

@@ -21,6 +21,24 @@ pub fn irradiance(d_channel: [f32; 3], w: [f32; 3]) -> f32 {
     d_channel.iter().zip(w).map(|(d, w)| d * w).sum()
 }
 
+/// Solid angle of a mirror ball's picture over its area, both normalised to the outline, by the formula of a camera in
+/// perspective: `q` is radius over distance, `r` the place.
+pub fn ball_jacobian(q: f32, r: f32) -> f32 {
+    let tangent = q.asin().tan();
+    let psi = (r * tangent).atan();
+    let theta = 2.0 * (psi.sin() / q).asin() - psi;
+    theta.sin()
+        * (2.0 * psi.cos() / (q * q - psi.sin() * psi.sin()).sqrt() - 1.0)
+        * tangent
+        * psi.cos().powi(2)
+        / r
+}
+
+/// The polar angle of an angular map (Eq. 6 of [Now11]): pi r.
+pub fn angular_map_angle(r: f32) -> f32 {
+    std::f32::consts::PI * r
+}
+
 /// One sum from the first number to the last.
 pub fn running_sum(numbers: impl IntoIterator<Item = f32>) -> f32 {
     numbers.into_iter().fold(0.0, |sum, number| sum + number)
@@ -179,6 +197,18 @@ pub fn column_share(x: usize, width: usize) -> f32 {
 /// A pixel's number, y width + x.
 pub fn pixel_number(x: u32, y: u32, width: u32) -> f32 {
     y as f32 * width as f32 + x as f32
+}
+
+/// T of a display of gamma 2.2: 0 to 255, cut at white.
+pub fn displayed(light: f32) -> f32 {
+    255.0 * light.clamp(0.0, 1.0).powf(1.0 / 2.2)
+}
+
+/// Values that are left of a shown pixel where each light `share` of so many is taken from the 8-bit value by itself,
+/// S = T(X) - T(X (1 - share)) of the pixel's own light X, rounded.
+pub fn left_of_display(light: f32, share: f32, count: usize) -> f32 {
+    let each = (displayed(light) - displayed(light * (1.0 - share))).round();
+    (displayed(light) - each * count as f32).max(0.0)
 }
 
 /// A number that is kept as a half float.

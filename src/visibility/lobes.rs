@@ -4,7 +4,8 @@ use crate::model::blocker::BlockerSphere;
 use glam::Vec3;
 
 /// Share, 0 to 1, of the lobe cos^exponent about the unit vector `axis` that a sphere leaves to a point outside of it; 0
-/// within it. A sphere wholly below the horizon of `normal` leaves everything.
+/// within it. A sphere wholly below the horizon of `normal` leaves everything, and so does one so far away that its
+/// distance is beyond what 32 bits hold.
 ///
 /// The lobe counts as a Gaussian of variance 1 / (s + 1) about its axis and the sphere as a disc in the same plane: the
 /// chi-squared distribution of two degrees of freedom, off centre, in the cube-root form that makes it normal. Within 0.04
@@ -12,7 +13,7 @@ use glam::Vec3;
 pub fn share_left(exponent: f32, axis: Vec3, point_world: Vec3, normal: Vec3, sphere: &BlockerSphere) -> f32 {
     let to = sphere.centre_world - point_world;
     let distance = to.length();
-    if to.dot(normal) <= -sphere.radius_m {
+    if to.dot(normal) <= -sphere.radius_m || !distance.is_finite() {
         return 1.0;
     }
     if distance <= sphere.radius_m {

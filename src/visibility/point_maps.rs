@@ -318,6 +318,35 @@ pub struct LightPlaces {
     pub side: u32,
 }
 
+/// Which part of a light a receiver sees: middle and half lengths along the light's two half axes, in their lengths. In 24
+/// bits each axis, which a 32-bit float holds exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenPart(pub [f32; 2]);
+
+impl SeenPart {
+    /// All of it, evenly.
+    pub const WHOLE: Self = Self([8_390_656.0; 2]);
+
+    /// Middles within -2 to 2 and half lengths of 0 to 2, cut to that; wrong by at most a 2048th.
+    pub fn of(middle: [f32; 2], half: [f32; 2]) -> Self {
+        Self([0, 1].map(|k: usize| {
+            let middle = (middle[k] * 1024.0 + 2048.0).round().clamp(0.0, 4095.0);
+            middle * 4096.0 + (half[k] * 2048.0).round().clamp(0.0, 4095.0)
+        }))
+    }
+
+    /// Middle and half lengths.
+    #[inline(always)]
+    pub fn middle_half(self) -> ([f32; 2], [f32; 2]) {
+        let codes = self.0.map(|code| code as u32);
+        let middle = codes.map(|code| ((code >> 12) as f32 - 2048.0) / 1024.0);
+        (middle, codes.map(|code| (code & 4095) as f32 / 2048.0))
+    }
+}
+
+/// Middle and half lengths of a light that is seen as a whole.
+pub const WHOLE: ([f32; 2], [f32; 2]) = ([0.0; 2], [1.0; 2]);
+
 /// Where a map must be read at for the ray from a receiver to a place beside the light's middle: `at` is the receiver's
 /// column and row, `inverse_r` and `inverse_b` the inverse distances along the axis of the receiver and of the blocker, 1 /
 /// metres, `place` right, up and forward from the middle. Exact for a blocker of that distance.
@@ -346,8 +375,9 @@ impl PointCamera {
     }
 }
 
-/// Share of a light, 0 to 1, that reaches a point of a flat receiver: the mean over the light's places of whether the map
-/// lets the light through where the ray to that place passes the mean blocker's distance. `mapped` is the point's position
+/// Share of a light, 0 to 1, that reaches a point of a flat receiver: the mean over places of the part of the light that it
+/// sees (middle and half lengths as in [`SeenPart`]) of whether the map lets the light through where the ray to that place
+/// passes the mean blocker's distance. `mapped` is the point's position
 /// and depth, `slope` its plane's ([`PointCamera::slope`]): a texel hides what lies behind it at the texel's own middle, so
 /// that no flat receiver shadows itself and contacts stay closed.
 ///
@@ -357,6 +387,7 @@ pub fn visibility(
     map: &[f32],
     camera: &PointCamera,
     places: &LightPlaces,
+    (middle, half): ([f32; 2], [f32; 2]),
     mapped: [f32; 3],
     slope: [f32; 2],
 ) -> f32 {
@@ -372,16 +403,19 @@ pub fn visibility(
         (stored < (plane - rounding).min(EMPTY_DEPTH)).then_some(stored)
     };
     let n = places.side.clamp(1, 8);
+    if n == 1 {
+        return if hides([x, y]).is_some() { 0.0 } else { 1.0 };
+    }
     let step = |i: u32| (2.0 * i as f32 + 1.0) / n as f32 - 1.0;
     let inverse = |depth: f32| (1.0 - depth) / camera.near_m;
     let (corner, inverse_r) = (camera.corner(), inverse(depth));
     let read = |blocker: f32, k: u32| {
         let (a, b) = (step(k % n), step(k / n));
         let [u, v] = places.half_axes;
-        let place = [0, 1, 2].map(|i: usize| u[i] * a + v[i] * b);
+        let along = [middle[0] + half[0] * a, middle[1] + half[1] * b];
+        let place = [0, 1, 2].map(|i: usize| u[i] * along[0] + v[i] * along[1]);
         let at = read_at([x, y], corner, camera.texel, inverse_r, inverse(blocker), place);
-        let smooth = if n > 1 { SMOOTH_TEXELS } else { 0.0 };
-        hides([at[0] + smooth * a, at[1] + smooth * b])
+        hides([at[0] + SMOOTH_TEXELS * a, at[1] + SMOOTH_TEXELS * b])
     };
     let (mut sum, mut count) = (0.0, 0);
     let near_plane = (0..n * n).map(|k| read(0.0, k));

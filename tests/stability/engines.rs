@@ -37,3 +37,30 @@ pub fn on_gles_3_1(test: &str) {
     let _turn = turn();
     gles::assert_gles_3_1(&gles::child(test, "3.1"));
 }
+
+/// Tests of a module's `all` on the CPU, on Vulkan, on GL and on OpenGL ES 3.1; takes the path of the test on GL.
+macro_rules! on_each {
+    ($gl:literal) => {
+        #[test]
+        fn cpu() {
+            let _turn = crate::engines::turn();
+            all(&mut crate::engines::cpu());
+        }
+
+        #[test]
+        fn vulkan() {
+            crate::engines::on(halflight::engine::gpu::Backend::Vulkan, module_path!(), all);
+        }
+
+        #[test]
+        fn gl() {
+            crate::engines::on(halflight::engine::gpu::Backend::Gl, module_path!(), all);
+        }
+
+        #[test]
+        fn gles_3_1() {
+            crate::engines::on_gles_3_1($gl);
+        }
+    };
+}
+pub(crate) use on_each;

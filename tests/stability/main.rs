@@ -3,8 +3,18 @@
 
 #[path = "../support/gles.rs"]
 mod gles;
+#[path = "../support/lit_room.rs"]
+mod lit_room;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod ball;
 mod engines;
+mod exposures;
+mod light;
+mod near;
+mod pictures;
+mod poses;
+mod random;
 mod table;
+mod verb;

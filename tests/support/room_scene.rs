@@ -17,9 +17,11 @@ use halflight::{
         marks::{Marks, View, bounds_world},
         representatives::{Representative, Representatives},
         shaft::{Aabb, shaft_interval},
+        subtract::seen_part,
         transfer::Statics,
     },
     sources::expand::Priority,
+    visibility::point_maps::SeenPart,
 };
 use rayon::prelude::*;
 
@@ -126,27 +128,29 @@ impl Object {
         self.bvh.occluded(from, place - from, 0.0, 1.0)
     }
 
-    /// Share of a light that the object hides from a point: of its one place, or of `side` times `side` places, each
-    /// weighed by what its part of the light sends: cos cos / r^4, of one area each.
-    pub fn hidden(&self, point: Vec3, normal: Vec3, light: &Representative, side: u32) -> f32 {
+    /// Share of a light that the object hides from a point: of its one place, or of `side` times `side` places on the part
+    /// of it that the point sees (middle and half lengths along its half axes).
+    pub fn hidden(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        light: &Representative,
+        side: u32,
+        (middle, half): ([f32; 2], [f32; 2]),
+    ) -> f32 {
         if side == 1 {
             return f32::from(self.hides(point, normal, light.centre_world));
         }
         let [long, short] = light.half_axes_world;
-        let (mut hidden, mut all, mut even) = (0.0, 0.0, 0.0);
+        let mut hidden = 0;
         for k in 0..side * side {
             let step = |i: u32| (2.0 * i as f32 + 1.0) / side as f32 - 1.0;
-            let place = light.middle_world + long * step(k % side) + short * step(k / side);
-            let to = place - point;
-            let (here, there) = (normal.dot(to).max(0.0), light.normal_world.dot(-to).max(0.0));
-            let weight = here * there / to.length_squared().powi(2).max(1e-12);
-            all += weight;
-            if self.hides(point, normal, place) {
-                hidden += weight;
-                even += 1.0;
-            }
+            let along = [step(k % side), step(k / side)];
+            let [a, b] = [0, 1].map(|i: usize| middle[i] + half[i] * along[i]);
+            let place = light.middle_world + long * a + short * b;
+            hidden += u32::from(self.hides(point, normal, place));
         }
-        if all > 0.0 { hidden / all } else { even / (side * side) as f32 }
+        hidden as f32 / (side * side) as f32
     }
 }
 
@@ -157,6 +161,8 @@ pub struct Shadows {
     pub marks: Marks,
     pub lights: Representatives,
     pub rows: Vec<[f32; 3]>,
+    pub parts: Vec<SeenPart>,
+    reach: Vec<[f32; 2]>,
 }
 
 impl Shadows {
@@ -165,6 +171,7 @@ impl Shadows {
         self.marks.mark(field, &[object.bounds], Some(&self.view));
         self.lights.choose(field, &self.marks, &[object.bounds], None, count, by);
         self.lights.light_rows(field, &self.marks, &mut self.rows);
+        self.lights.light_parts(field, &self.marks, &mut self.parts, &mut self.reach);
     }
 
     /// Radiance taken away at every pixel: sum over lights of rho L_xk where the object hides light k, L_xk interpolated
@@ -189,7 +196,10 @@ impl Shadows {
                         if radiance.iter().all(|l| *l <= 0.0) {
                             continue;
                         }
-                        let hidden = object.hidden(at.point, at.normal, light, side);
+                        let parts = at.corners.map(|c| self.parts[k * vertices + c as usize].middle_half());
+                        let sent = at.corners.map(|c| self.rows[k * vertices + c as usize]);
+                        let part = seen_part(&parts, &sent, at.weights);
+                        let hidden = object.hidden(at.point, at.normal, light, side, part);
                         for c in 0..3 {
                             sum[c] += radiance[c] * at.reflectance[c] * hidden;
                         }

@@ -15,8 +15,10 @@ use crate::{
         patches::{Subdivision, subdivide},
         representatives::{Representative, Representatives},
         shaft::Aabb,
+        subtract::seen_part,
     },
     sources::expand::Priority,
+    visibility::point_maps::SeenPart,
 };
 use glam::{DVec2, Vec3};
 use std::{fmt::Write, path::Path};
@@ -152,10 +154,13 @@ impl Surfaces {
     }
 }
 
+/// Some lights, what each sends to every vertex, and which part of it each vertex sees.
+type Lights = (Vec<Representative>, Vec<[f32; 3]>, Vec<SeenPart>);
+
 /// An object, and the lights that it may hide.
 struct Shadow {
     bvh: Bvh,
-    lights: [(Vec<Representative>, Vec<[f32; 3]>); COUNTS.len()],
+    lights: [Lights; COUNTS.len()],
 }
 
 impl Shadow {
@@ -177,7 +182,9 @@ impl Shadow {
             let (mut chosen, mut rows) = (Representatives::default(), Vec::new());
             chosen.choose(field, &marks, &objects, None, count, Priority::ErrorRemoved);
             chosen.light_rows(field, &marks, &mut rows);
-            (chosen.near().to_vec(), rows)
+            let (mut parts, mut reach) = (Vec::new(), Vec::new());
+            chosen.light_parts(field, &marks, &mut parts, &mut reach);
+            (chosen.near().to_vec(), rows, parts)
         });
         Ok(Self { bvh: Bvh::build(&positions, &triangles), lights })
     }
@@ -212,9 +219,14 @@ impl Shadow {
             };
             let (point, normal) = (eye + ray * hit.t, patch.normal_world);
             all.iter_mut().zip(mixed(&field.gathered_rgb)).for_each(|(sum, c)| *sum += c);
-            for (taken, (lights, rows)) in taken.iter_mut().zip(&self.lights) {
-                for (light, row) in lights.iter().zip(rows.chunks(vertices)) {
-                    let hidden = self.hidden(point, normal, light);
+            for (taken, (lights, rows, parts)) in taken.iter_mut().zip(&self.lights) {
+                for ((light, row), parts) in
+                    lights.iter().zip(rows.chunks(vertices)).zip(parts.chunks(vertices))
+                {
+                    let sent = corners.map(|v| row[v as usize]);
+                    let own = corners.map(|v| parts[v as usize].middle_half());
+                    let part = seen_part(&own, &sent, hit.barycentric);
+                    let hidden = self.hidden(point, normal, light, part);
                     if hidden > 0.0 {
                         taken.iter_mut().zip(mixed(row)).for_each(|(sum, c)| *sum += hidden * c);
                     }
@@ -227,22 +239,25 @@ impl Shadow {
         })
     }
 
-    /// Share of a light that the object hides, by places on its parallelogram, each weighed by what its part sends.
-    fn hidden(&self, point: Vec3, normal: Vec3, light: &Representative) -> f32 {
+    /// Share of a light that the object hides, by places on the part of its parallelogram that the point sees.
+    fn hidden(
+        &self,
+        point: Vec3,
+        normal: Vec3,
+        light: &Representative,
+        (middle, half): ([f32; 2], [f32; 2]),
+    ) -> f32 {
         let from = point + normal * 2e-4;
         let [long, short] = light.half_axes_world;
-        let (mut hidden, mut all) = (0.0, 0.0);
+        let mut hidden = 0;
         for k in 0..PLACES * PLACES {
             let step = |i: u32| (2.0 * i as f32 + 1.0) / PLACES as f32 - 1.0;
-            let to = light.middle_world + long * step(k % PLACES) + short * step(k / PLACES) - from;
-            let (here, there) = (normal.dot(to).max(0.0), light.normal_world.dot(-to).max(0.0));
-            let weight = here * there / to.length_squared().powi(2).max(1e-12);
-            all += weight;
-            if weight > 0.0 && self.bvh.occluded(from, to, 0.0, 1.0) {
-                hidden += weight;
-            }
+            let steps = [step(k % PLACES), step(k / PLACES)];
+            let [a, b] = [0, 1].map(|i: usize| middle[i] + half[i] * steps[i]);
+            let to = light.middle_world + long * a + short * b - from;
+            hidden += u32::from(self.bvh.occluded(from, to, 0.0, 1.0));
         }
-        if all > 0.0 { hidden / all } else { 0.0 }
+        hidden as f32 / (PLACES * PLACES) as f32
     }
 }
 

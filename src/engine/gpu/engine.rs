@@ -31,8 +31,15 @@ use crate::{
 use std::sync::Arc;
 
 /// What is done for each pixel of the picture.
-const PER_PIXEL: [Pass; 6] =
-    [Pass::SoftShadow, Pass::Subtract, Pass::ShadeObject, Pass::ShadeSurface, Pass::Composite, Pass::Tonemap];
+const PER_PIXEL: [Pass; 7] = [
+    Pass::SoftShadow,
+    Pass::Subtract,
+    Pass::SubtractDisplayed,
+    Pass::ShadeObject,
+    Pass::ShadeSurface,
+    Pass::Composite,
+    Pass::Tonemap,
+];
 
 /// The engine on wgpu. Kernels are compiled when they are first called for. What is too large for the device (many bind
 /// 128 MiB at once: 8 million pixels) is done by the twins, with the same result.

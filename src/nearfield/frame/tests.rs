@@ -1,5 +1,5 @@
 use super::*;
-use crate::nearfield::fixture;
+use crate::{nearfield::fixture, visibility::point_maps::WHOLE};
 use glam::DVec3;
 
 const QUALITY: NearQuality = NearQuality { lights: 12, texels: 128, places: 3 };
@@ -69,6 +69,7 @@ fn every_light_that_loses_something_on_a_triangle_is_listed() {
                                 map.depth(),
                                 camera,
                                 places,
+                                WHOLE,
                                 mapped,
                                 slope,
                             ) < 1.0
@@ -139,7 +140,7 @@ fn an_object_around_the_lamp_takes_all_its_light_and_one_around_the_camera_what_
             let mapped = camera.map(point)?;
             let slope = camera.slope(point, Vec3::Z);
             let places = &frame.places()[k];
-            Some(crate::visibility::point_maps::visibility(map.depth(), camera, places, mapped, slope))
+            Some(crate::visibility::point_maps::visibility(map.depth(), camera, places, WHOLE, mapped, slope))
         };
         (0..frame.lights().len()).map(|k| of(k).unwrap_or(1.0)).collect()
     };

@@ -74,6 +74,35 @@ fn one_light_for_the_lamp_is_as_large_as_the_lamp() {
 }
 
 #[test]
+fn a_vertex_sees_the_part_of_a_light_that_the_room_leaves_open() {
+    // The lamp at (0.6, -0.4, 1.74) has half sides of 0.3 m. The floor under the table is in the table's penumbra.
+    let field = fixture::field(&fixture::room(), 1500, &fixture::ALL);
+    let mut frame = Frame::default();
+    frame.draw(&field, &[boxed(Vec3::new(0.3, -0.2, -0.5), 0.2)], 1);
+    let (mut parts, mut reach) = (Vec::new(), Vec::new());
+    frame.lights.light_parts(&field, &frame.marks, &mut parts, &mut reach);
+    let light = frame.lights.near()[0];
+    let (mut whole, mut partly) = (0, 0);
+    for (v, vertex) in field.patches.vertices.iter().enumerate().filter(|(v, _)| frame.rows[*v] != [0.0; 3]) {
+        // The same from the transfers, source by source.
+        let (mut sum, mut moment) = (0.0, Vec3::ZERO);
+        for (s, source) in field.sources.iter().enumerate().filter(|(s, _)| frame.marks.has_source(*s)) {
+            let sent = field.transfers().at(s, v) * source.luminance;
+            sum += sent;
+            moment += sent * source.centre_world;
+        }
+        let (middle, half) = parts[v].middle_half();
+        let seen = (0..2).fold(light.middle_world, |at, k| at + light.half_axes_world[k] * middle[k]);
+        // Sources stand where they are seen from the object, at one distance.
+        assert!(seen.distance(moment / sum) < 0.06, "{}: {seen} {}", vertex.position_world, moment / sum);
+        assert!((0..2).all(|k| middle[k].abs() + half[k] <= reach[0][k] && reach[0][k] < 2.0));
+        whole += usize::from(half[0] > 0.9 && half[1] > 0.9);
+        partly += usize::from(half[0].min(half[1]) < 0.7);
+    }
+    assert!(whole > 50 && partly > 10, "{whole} {partly}");
+}
+
+#[test]
 fn an_object_around_a_source_is_told_of() {
     let field = &*FIELD;
     let mut frame = Frame::default();

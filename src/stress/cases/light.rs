@@ -1,25 +1,37 @@
 //! Light that has no direction, one at a pole, or numbers in it that are none.
 
-use crate::engine::{Engine, EngineError};
+use crate::engine::{Engine, EngineError, LightJob};
 use crate::light::{
     halve::{HalveOptions, halve_still},
     maps::samples_of_map,
     project_sh::project_sh,
     split::{Estimator, GRAY_PAPER, SplitOptions, first_moment, irradiance as estimate, split},
+    unwrap_ball::BallShot,
 };
-use crate::math::sh::{MAX_COEFFICIENTS, basis};
+use crate::math::{
+    lens::Lens,
+    pose::Pose,
+    sh::{MAX_COEFFICIENTS, basis},
+};
 use crate::model::{
+    image::HdrImage,
     light::{EnvironmentMap, RadianceSamples, RadianceSh, SplitLight},
-    quality::SplitKind,
+    quality::{Quality, SplitKind},
+    rig::MirrorBall,
 };
 use crate::plan::Pass;
 use crate::stress::{
     Bound, Case, Where, naive,
     stage::{ORDER, even_map, mean_radiance, measure},
 };
+use glam::DVec3;
 use std::f32::consts::PI;
 
 const PROJECT: Where = Where::Kernel(Pass::ProjectSh);
+const UNWRAP: Where = Where::Kernel(Pass::UnwrapBall);
+
+/// 2 asin(sin psi / q) - psi for tan psi = r tan(asin q), q = 0.1, r = 1/2.
+const HALF_WAY_DEG: f64 = 57.373;
 
 /// Size of the environment pictures, texels.
 const WIDTH: usize = 64;
@@ -122,6 +134,50 @@ fn overcast() -> EnvironmentMap {
     let mut map = even_map(WIDTH, HEIGHT, 1.0);
     map.radiance.pixels_mut()[WIDTH * HEIGHT / 2..].fill([0.0; 3]);
     map
+}
+
+/// A mirror ball of a tenth of the distance, in a picture that is seen from outside of it: radiance by column and row.
+fn ball(engine: &mut dyn Engine, radiance: impl Fn(usize, usize) -> f32) -> Result<RadianceSh, EngineError> {
+    const SIDE: u32 = 128;
+    let lens = Lens::pinhole(SIDE, SIDE, 580.0, 580.0, 64.0, 64.0);
+    let ball = MirrorBall {
+        centre_world: DVec3::ZERO,
+        radius_m: 0.05,
+        reflectance_rgb: [1.0; 3],
+        surface_radius_m: None,
+    };
+    let mut picture = HdrImage::default();
+    picture.radiance.reshape(SIDE as usize, SIDE as usize, [0.0; 3]);
+    picture.flags.reshape(SIDE as usize, SIDE as usize, 0);
+    for row in 0..SIDE as usize {
+        for column in 0..SIDE as usize {
+            *picture.radiance.at_mut(column, row) = [radiance(column, row); 3];
+        }
+    }
+    // From -x: what is behind the camera is reflected in the middle.
+    let job = LightJob::Ball(BallShot {
+        picture: &picture,
+        lens: &lens,
+        world_from_camera: &Pose::look_at(DVec3::new(-0.5, 0.0, 0.0), DVec3::ZERO, DVec3::Z),
+        ball: &ball,
+        on_surface: false,
+        without_ball: None,
+    });
+    let quality = Quality { sh_order: ORDER, ..Quality::default() };
+    Ok(engine.estimate_light(&job, &quality)?.total)
+}
+
+/// The angle between the camera's axis and the direction that a lit spot half way to the ball's outline reflects.
+fn half_way_deg(engine: &mut dyn Engine) -> Result<f64, EngineError> {
+    // The outline is 580 tan(asin 0.1) = 58.3 pixels from the middle; the spot is 29.15 to the right.
+    let spot = |column: usize, row: usize| {
+        let (x, y) = (column as f32 + 0.5 - 64.0 - 29.15, row as f32 + 0.5 - 64.0);
+        (1.5 - x.hypot(y)).clamp(0.0, 1.0)
+    };
+    let light = ball(engine, spot)?;
+    let d = moment(&light, 1).map(f64::from);
+    let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
+    Ok((-d[0] / length).acos().to_degrees())
 }
 
 /// In order.
@@ -295,6 +351,38 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::half(500.0 * 1e6) / naive::half(500.0) / 1e6),
         ours: |engine| Ok(scaled(engine, 1e6)? / scaled(engine, 1.0)?),
         bound: Bound::about(1.0, 1e-6),
+    },
+    Case {
+        name: "the outline of the mirror ball",
+        measures: "mean radiance of a ball that is 1 all over",
+        formula: "solid angles by the place: (1 - r)^(-1/2) at the outline",
+        runs: UNWRAP,
+        textbook: || f64::from(naive::ball_jacobian(0.1, 1.0)),
+        ours: |engine| Ok(mean_radiance(&ball(engine, |_, _| 1.0)?)),
+        bound: Bound::about(1.0, 1e-5),
+    },
+    Case {
+        name: "a picture of a mirror ball, half way out",
+        measures: "angle to the camera's axis, degrees (57.4 by reflection)",
+        formula: "theta = pi r, as of an angular map",
+        runs: UNWRAP,
+        textbook: || f64::from(naive::angular_map_angle(0.5).to_degrees()),
+        ours: half_way_deg,
+        bound: Bound::about(HALF_WAY_DEG, 0.3),
+    },
+    Case {
+        name: "a mirror ball with pixels that are no numbers",
+        measures: "mean radiance of a ball that is 1 elsewhere",
+        formula: "sum L y: NaN in every coefficient",
+        runs: UNWRAP,
+        textbook: || f64::from(naive::running_sum([1.0, f32::NAN, 1.0])),
+        ours: |engine| {
+            let odd = |column: usize, row: usize| {
+                if (column * 7 + row).is_multiple_of(31) { f32::NAN } else { 1.0 }
+            };
+            Ok(mean_radiance(&ball(engine, odd)?))
+        },
+        bound: Bound::about(1.0, 1e-3),
     },
     Case {
         name: "a white sky over a black floor",

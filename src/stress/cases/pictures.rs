@@ -89,6 +89,31 @@ pub const CASES: &[Case] = &[
         bound: Bound::about(1.0, 2.5e-4),
     },
     Case {
+        name: "a shadow on a pixel twice as bright as white",
+        measures: "8-bit value where a sphere takes nine tenths",
+        formula: "T(X) - T(X (1 - share)) light by light: 0 of a saturated value",
+        runs: Where::Kernel(Pass::Tonemap),
+        // Fifty lights that carry all of it, nine tenths of them hidden.
+        textbook: || f64::from(naive::left_of_display(2.0, 0.02, 45)),
+        ours: |engine| {
+            let scene = spheres([(Vec3::new(0.0, 0.0, 0.1), 0.1)]);
+            let stage = Stage { background: 2.0, display: true, ..Stage::new(scene, uniform(1.0)) };
+            let picture = stage.draw(engine)?;
+            Ok(picture.display.pixels().iter().map(|p| f64::from(p[1])).fold(255.0, f64::min))
+        },
+        // 2 x 0.03 to 2 x 0.15 of white through sRGB.
+        bound: Bound::new(60.0, 160.0),
+    },
+    Case {
+        name: "fifty lights that carry a tenth, taken from white",
+        measures: "8-bit values that are taken (12 by sRGB)",
+        formula: "S = T(X) - T(X (1 - 1/500)) of each, rounded: below a half",
+        runs: Where::Kernel(Pass::Tonemap),
+        textbook: || f64::from(naive::displayed(1.0) - naive::left_of_display(1.0, 0.002, 50)),
+        ours: |engine| Ok(255.0 - value(engine, &shown(0.9, 1.0, [4, 4]))?),
+        bound: Bound::about(12.0, 1.0),
+    },
+    Case {
         name: "what rounding left of no light, shown",
         measures: "8-bit value",
         formula: "255 (6e-8)^(1/2.2), a third of a step after two such",

@@ -115,7 +115,8 @@ impl Blockers {
     /// receiver's own `body` and spheres wholly under its horizon do not count. order^2 coefficients are written and the
     /// rest set to 0. Where nothing blocks V is exactly (sqrt(4 pi), 0, ..).
     ///
-    /// V_0 is in [0, sqrt(4 pi)] and |V_{l>0}| <= sqrt(sqrt(4 pi) V_0 - V_0^2) up to rounding, whatever the spheres.
+    /// V_0 is in [0, sqrt(4 pi)] and |V_{l>0}| <= sqrt(sqrt(4 pi) V_0 - V_0^2) up to rounding, whatever the spheres; the
+    /// second up to a tenth with the rung `directions` where these are fewer than the coefficients (32 at order 6).
     pub fn visibility(&self, point_world: Vec3, normal: Vec3, body: Option<u32>, out: &mut [f32; 36]) {
         let v = self.lanes::<1>(&[point_world], &[normal], body);
         for (i, (out, v)) in out.iter_mut().zip(v).enumerate() {

@@ -13,9 +13,10 @@ pub struct PlaceReads {
     /// How far they move what the map is read at, metres at the light.
     reach_m: f32,
     count: usize,
-    /// Of each, right, up and forward from the light's middle, metres, and how far beside its position it is read, texels
+    /// Of each, how far along both half axes of the part that is seen, and how far beside its position it is read, texels
     /// right and up.
-    places: [[f32; 5]; MOST],
+    places: [[f32; 4]; MOST],
+    half_axes: [[f32; 3]; 2],
 }
 
 /// Neighbours as a light's camera sees them.
@@ -36,15 +37,13 @@ impl PlaceReads {
     pub fn new(places: &LightPlaces, reach_m: f32) -> Self {
         let n = places.side.clamp(1, 8);
         let step = |i: u32| (2.0 * i as f32 + 1.0) / n as f32 - 1.0;
-        let [u, v] = places.half_axes;
         let smooth = if n > 1 { SMOOTH_TEXELS } else { 0.0 };
-        let mut all = [[0.0; 5]; MOST];
+        let mut all = [[0.0; 4]; MOST];
         for (k, slot) in (0..n * n).zip(&mut all) {
             let (a, b) = (step(k % n), step(k / n));
-            let [x, y, z] = [0, 1, 2].map(|i: usize| u[i] * a + v[i] * b);
-            *slot = [x, y, z, smooth * a, smooth * b];
+            *slot = [a, b, smooth * a, smooth * b];
         }
-        Self { reach_m, count: (n * n) as usize, places: all }
+        Self { reach_m, count: (n * n) as usize, places: all, half_axes: places.half_axes }
     }
 
     /// How far the places move what the map is read at, metres at the light.
@@ -53,7 +52,7 @@ impl PlaceReads {
     }
 
     /// Share of the light that reaches each of N points (world frame, coordinate by coordinate) of a flat receiver of unit
-    /// `normal`.
+    /// `normal`; `part` gives what of the light they see: middles and half lengths as in `SeenPart`, along both axes.
     #[inline(always)]
     pub fn visibility<const N: usize>(
         &self,
@@ -61,6 +60,7 @@ impl PlaceReads {
         camera: &PointCamera,
         points_world: &[[f32; N]; 3],
         normal: Vec3,
+        part: impl FnOnce() -> [[f32; N]; 4],
     ) -> [f32; N] {
         let seen = Lanes::new(camera, points_world, normal);
         let mut visible = [1.0; N];
@@ -71,13 +71,14 @@ impl PlaceReads {
         let inverse = |depth: f32| (1.0 - depth) / camera.near_m;
         if self.count == 1 {
             // All reads are one.
-            let (texels, limits) = self.read(camera, &seen, &[inverse(0.0); N], 0);
+            let (texels, limits) = texels_of(camera, &seen, &seen.at);
             for i in 0..N {
                 let hides = seen.valid[i] && stored(texels[i]) < limits[i];
                 visible[i] = if hides { 0.0 } else { 1.0 };
             }
             return visible;
         }
+        let part = part();
         let (mut sums, mut counts) = ([0.0f32; N], [0u32; N]);
         let mut add = |(texels, limits): ([i32; N], [f32; N])| {
             for i in 0..N {
@@ -89,7 +90,7 @@ impl PlaceReads {
         };
         // Blockers at the near plane, and what hides the point itself.
         for k in 0..self.count {
-            add(self.read(camera, &seen, &[inverse(0.0); N], k));
+            add(self.read(camera, &seen, &part, &[inverse(0.0); N], k));
         }
         add(texels_of(camera, &seen, &seen.at));
         let mut inverse_b = [0.0f32; N];
@@ -103,7 +104,7 @@ impl PlaceReads {
         }
         let mut hidden = [0u32; N];
         for k in 0..self.count {
-            let (texels, limits) = self.read(camera, &seen, &inverse_b, k);
+            let (texels, limits) = self.read(camera, &seen, &part, &inverse_b, k);
             for i in 0..N {
                 hidden[i] += u32::from(stored(texels[i]) < limits[i]);
             }
@@ -144,13 +145,18 @@ impl PlaceReads {
         &self,
         camera: &PointCamera,
         seen: &Lanes<N>,
+        [middle_u, middle_v, half_u, half_v]: &[[f32; N]; 4],
         inverse_b: &[f32; N],
         k: usize,
     ) -> ([i32; N], [f32; N]) {
-        let [right, up, ahead, beside_x, beside_y] = self.places[k];
+        let [step_u, step_v, beside_x, beside_y] = self.places[k];
+        let [u, v] = self.half_axes;
         let corner = camera.corner();
         let mut at = [[0.0f32; N]; 2];
         for i in 0..N {
+            let along_u = middle_u[i] + half_u[i] * step_u;
+            let along_v = middle_v[i] + half_v[i] * step_v;
+            let [right, up, ahead] = [0, 1, 2].map(|c: usize| u[c] * along_u + v[c] * along_v);
             let inverse_r = seen.inverse[i];
             let forward = 1.0 / (1.0 - ahead * inverse_r);
             let scale = forward * (1.0 - ahead * inverse_b[i]);
@@ -261,13 +267,18 @@ mod tests {
                         Vec3::new(x, -1.5 + 0.05 * j as f32, 0.4 + 0.9 * x)
                     };
                     let normal = Vec3::new(-0.9, 0.0, 1.0).normalize();
+                    // Another part of the light for each.
+                    let part = |i: usize| ([0.02 * i as f32 - 0.3, 0.1], [1.0 - 0.02 * i as f32, 0.8]);
+                    let parts: [[f32; 32]; 4] = std::array::from_fn(|k| {
+                        std::array::from_fn(|i| if k < 2 { part(i).0[k] } else { part(i).1[k - 2] })
+                    });
                     let points: [[f32; 32]; 3] =
                         std::array::from_fn(|axis| std::array::from_fn(|i| point(i)[axis]));
-                    let visible = reads.visibility(map, camera, &points, normal);
+                    let visible = reads.visibility(map, camera, &points, normal, || parts);
                     for (i, fast) in visible.into_iter().enumerate() {
                         let plain = camera.map(point(i)).map_or(1.0, |mapped| {
                             let slope = camera.slope(point(i), normal);
-                            visibility(map.depth(), camera, &places, mapped, slope)
+                            visibility(map.depth(), camera, &places, part(i), mapped, slope)
                         });
                         assert_eq!(
                             plain.to_bits(),

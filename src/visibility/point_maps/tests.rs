@@ -32,7 +32,7 @@ fn drawn(place: Vec3, casters: &[Vec3], triangles: &[[u32; 3]], texels: u32) -> 
 fn seen(maps: &PointMaps, places: &LightPlaces, point: Vec3, normal: Vec3) -> f32 {
     let Some((camera, map)) = maps.get(0) else { return 1.0 };
     let Some(mapped) = camera.map(point) else { return 1.0 };
-    visibility(map.depth(), camera, places, mapped, camera.slope(point, normal))
+    visibility(map.depth(), camera, places, WHOLE, mapped, camera.slope(point, normal))
 }
 
 #[test]
@@ -165,4 +165,52 @@ fn no_casters_and_strange_ones() {
     let maps = drawn(place, &casters, &[[0, 1, 3], [0, 1, 9]], 64);
     assert!(maps.depth(0).iter().all(|d| *d == EMPTY_DEPTH));
     assert_eq!(seen(&maps, &LightPlaces::default(), Vec3::ZERO, Vec3::Z), 1.0);
+}
+
+#[test]
+fn a_part_of_a_light_keeps_its_numbers() {
+    assert_eq!(SeenPart::of([0.0; 2], [1.0; 2]), SeenPart::WHOLE);
+    assert_eq!(SeenPart::WHOLE.middle_half(), WHOLE);
+    for k in 0..500 {
+        let along = |step: f32| (step * k as f32).fract();
+        let (middle, half) =
+            ([3.9 * along(0.618) - 1.95, 3.9 * along(0.32) - 1.95], [1.9 * along(0.75), 1.9 * along(0.57)]);
+        let part = SeenPart::of(middle, half);
+        assert!(part.0.iter().all(|code| code.fract() == 0.0 && *code < 16_777_216.0));
+        let (m, h) = part.middle_half();
+        let off = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        assert!(off(m, middle) <= 1.0 / 2048.0 && off(h, half) <= 1.0 / 4096.0 + 1e-6, "{middle:?} {half:?}");
+    }
+    // Cut, and never another number.
+    assert_eq!(SeenPart::of([9.0, f32::NAN], [9.0, -1.0]).middle_half().1[1], 0.0);
+    assert_eq!(SeenPart::of([-9.0; 2], [0.0; 2]).middle_half().0, [-2.0; 2]);
+}
+
+#[test]
+fn of_a_part_of_a_light_only_its_own_places_count() {
+    // A light 0.3 m wide and long over the square; from below its middle only one half of it is seen, then the other.
+    let light = Vec3::new(0.0, 0.0, 1.5);
+    let (corners, triangles) = square();
+    let maps = drawn(light, &corners, &triangles, 256);
+    let (camera, map) = maps.get(0).unwrap();
+    let axes = [Vec3::X, Vec3::Y].map(|v| camera.along_axes(0.15 * v));
+    let places = LightPlaces { half_axes: axes, side: 8 };
+    let of = |part: ([f32; 2], [f32; 2]), x: f32| {
+        let point = Vec3::new(x, 0.0, 0.0);
+        visibility(
+            map.depth(),
+            camera,
+            &places,
+            part,
+            camera.map(point).unwrap(),
+            camera.slope(point, Vec3::Z),
+        )
+    };
+    // The square's edge at x = 0.1, seen from x = 0.15, hides what of the light lies below x = 0.
+    let [all, far, near] =
+        [WHOLE, ([0.5, 0.0], [0.5, 1.0]), ([-0.5, 0.0], [0.5, 1.0])].map(|part| of(part, 0.15));
+    assert!((all - 0.5).abs() < 0.07 && far > 0.98 && near < 0.02, "{all} {far} {near}");
+    let [all, far, near] =
+        [WHOLE, ([0.5, 0.0], [0.5, 1.0]), ([-0.5, 0.0], [0.5, 1.0])].map(|part| of(part, -0.15));
+    assert!((all - 0.5).abs() < 0.07 && far < 0.02 && near > 0.98, "{all} {far} {near}");
 }

@@ -28,8 +28,10 @@ use crate::{
 const PASS: Pass = Pass::Subtract;
 /// Triangles in a row of `ranges`.
 const RANGES_A_ROW: usize = 1024;
-/// Lights of triangles in a row of `listed`, three texels each.
-pub(super) const LISTED_A_ROW: usize = 682;
+/// Lights of triangles in a row of `listed`...
+pub(super) const LISTED_A_ROW: usize = 512;
+/// ...of so many texels each.
+pub(super) const LISTED_TEXELS: usize = 4;
 /// Rows of `listed` come and go so many at a time.
 pub(super) const ROWS: usize = 16;
 
@@ -251,13 +253,15 @@ impl Subtract {
         for ([begin, end], corners) in ranges.iter().zip(with.triangles) {
             for &k in listed.get(*begin as usize..*end as usize).unwrap_or(&[]) {
                 let sent = corners.map(|v| with.frame.sent(k.into(), v));
-                let number = [f32::from(k), 0.0, 0.0];
-                self.sent.extend(sent.iter().zip(number).map(|(&[r, g, b], number)| [r, g, b, number]));
+                let [a, b, c] = corners.map(|v| with.frame.part(k.into(), v).0);
+                let last = [f32::from(k), a[0], a[1]];
+                self.sent.extend(sent.iter().zip(last).map(|(&[r, g, b], last)| [r, g, b, last]));
+                self.sent.push([b[0], b[1], c[0], c[1]]);
             }
         }
-        self.sent.resize(rows * LISTED_A_ROW * 3, [0.0; 4]);
+        self.sent.resize(rows * LISTED_A_ROW * LISTED_TEXELS, [0.0; 4]);
         let texels = bytemuck::cast_slice(&self.sent);
-        self.listed.upload(context, 3 * LISTED_A_ROW as u32, rows as u32, texels);
+        self.listed.upload(context, (LISTED_TEXELS * LISTED_A_ROW) as u32, rows as u32, texels);
     }
 
     /// The room's own maps under its suns, once a room.

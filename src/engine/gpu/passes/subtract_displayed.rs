@@ -2,7 +2,7 @@
 //! its own. Twin: `nearfield::subtract_displayed`.
 
 use super::{
-    subtract::{LISTED_A_ROW, ROWS, Subtraction},
+    subtract::{LISTED_A_ROW, LISTED_TEXELS, ROWS, Subtraction},
     turns::{Stages, Turns},
 };
 use crate::{
@@ -83,11 +83,12 @@ impl Displayed {
                 let set = if shown.lights.is_second(light) { 1.0 } else { 0.0 };
                 let before = corners.map(|v| shown.lights.before(light, v));
                 self.texels.extend(before.map(|[r, g, b]| [r, g, b, set]));
+                self.texels.resize(self.texels.len().next_multiple_of(LISTED_TEXELS), [0.0; 4]);
             }
         }
         let rows = listed.len().div_ceil(LISTED_A_ROW).max(1).next_multiple_of(ROWS);
-        self.texels.resize(rows * LISTED_A_ROW * 3, [0.0; 4]);
-        let width = 3 * LISTED_A_ROW as u32;
+        self.texels.resize(rows * LISTED_A_ROW * LISTED_TEXELS, [0.0; 4]);
+        let width = (LISTED_TEXELS * LISTED_A_ROW) as u32;
         self.before.upload(context, width, rows as u32, bytemuck::cast_slice(&self.texels));
 
         let exposures = shown.background.pixels().iter().map(|rgb| rgb.map(|c| c * shown.exposure_s));
