@@ -122,8 +122,8 @@ impl Tracer {
     pub fn new(scene: &TraceScene, settings: &TraceSettings) -> Result<Self, TraceError> {
         check(scene, settings)?;
         let step = settings.step_px;
-        let count = |size: u32| (step / 2..size).step_by(step as usize).count();
-        let (width, height) = (count(scene.lens.width), count(scene.lens.height));
+        let (width, height) =
+            (sums::traced_px(scene.lens.width, step), sums::traced_px(scene.lens.height, step));
         setting("step_px", step, width * height > 0, "so small that a pixel is left")?;
         let mut hash = Sha256::new();
         hash.update(scene.digest());
@@ -210,7 +210,8 @@ impl Tracer {
     /// The pictures.
     pub fn finish(self) -> Traced {
         let samples = self.samples();
-        Traced::new(self.width, self.done.sums, self.done.passes, samples, self.done.dropped)
+        let size = [self.width as u32, self.settings.step_px];
+        Traced::new(size, self.done.sums, self.done.passes, samples, self.done.dropped)
     }
 }
 

@@ -147,6 +147,7 @@ pub struct Noise {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traced {
     width: usize,
+    step_px: u32,
     passes: u32,
     /// Samples of each pixel.
     pub samples: u32,
@@ -156,9 +157,20 @@ pub struct Traced {
 }
 
 impl Traced {
-    pub(super) fn new(width: usize, sums: Vec<PixelSums>, passes: u32, samples: u32, dropped: u64) -> Self {
+    pub(super) fn new(
+        [width, step_px]: [u32; 2],
+        sums: Vec<PixelSums>,
+        passes: u32,
+        samples: u32,
+        dropped: u64,
+    ) -> Self {
         let noise = noise(&sums, passes, dropped);
-        Self { width, passes, samples, sums, noise }
+        Self { width: width as usize, step_px, passes, samples, sums, noise }
+    }
+
+    /// Column or row of the whole picture that a column or row of these stands for.
+    pub fn full_px(&self, index: usize) -> usize {
+        full_px(index, self.step_px)
     }
 
     fn picture<P: Clone + Default>(&self, pixel: impl Fn(&PixelSums) -> P) -> Image<P> {
@@ -222,22 +234,36 @@ impl Traced {
     }
 
     /// Differential rendering: the virtual bodies over a picture of the place, whose surfaces are dimmed by the ratio of what
-    /// is left of their light. The albedo that the real surfaces were traced with does not matter then. `None` where the
-    /// picture has another size.
+    /// is left of their light. The albedo that the real surfaces were traced with does not matter then. The picture is the
+    /// whole one; where only every k-th pixel was traced, so much smaller a one is given. `None` where it has another size.
     pub fn over(&self, place: &RadianceImage) -> Option<RadianceImage> {
-        if place.width() != self.width || place.pixels().len() != self.sums.len() {
+        let height = self.sums.len().checked_div(self.width)?;
+        let fits = |whole: usize, traced: usize| traced == traced_px(whole as u32, self.step_px);
+        if !fits(place.width(), self.width) || !fits(place.height(), height) {
             return None;
         }
-        let pixels = self.sums.iter().zip(place.pixels()).map(|(sums, place)| {
-            let open = 1.0 - (sums.covered / f64::from(self.passes)).min(1.0);
+        let passes = f64::from(self.passes);
+        let pixels = self.sums.iter().enumerate().map(|(i, sums)| {
+            let place = place.at(self.full_px(i % self.width), self.full_px(i / self.width));
+            let open = 1.0 - (sums.covered / passes).min(1.0);
             std::array::from_fn(|c| {
                 let surface = sums.with[c] - sums.objects[c];
                 let ratio = if sums.without[c] > 0.0 { surface / sums.without[c] } else { open };
-                (sums.objects[c] / f64::from(self.passes) + f64::from(place[c]) * ratio) as f32
+                (sums.objects[c] / passes + f64::from(place[c]) * ratio) as f32
             })
         });
-        Image::from_pixels(self.width, place.height(), pixels.collect())
+        Image::from_pixels(self.width, height, pixels.collect())
     }
+}
+
+/// The first pixel is the middle one of the first step.
+fn full_px(index: usize, step_px: u32) -> usize {
+    step_px as usize / 2 + index * step_px as usize
+}
+
+/// How many pixels of a side are traced.
+pub(super) fn traced_px(whole: u32, step_px: u32) -> usize {
+    (step_px / 2..whole).step_by(step_px.max(1) as usize).count()
 }
 
 /// The noise of sums after so many passes.

@@ -322,6 +322,14 @@ fn objects_go_over_a_photograph_whatever_the_albedo() {
     assert!(r < 0.3 && (g / r - 2.0 / 3.0).abs() < 1e-5 && (b / r - 1.0 / 3.0).abs() < 1e-5, "{r} {g} {b}");
     let pictures = traced(&scene, &settings(64, 16));
     assert!(pictures.over(&RadianceImage::filled(16, 15, [0.0; 3])).is_none());
+    // Every third pixel: the whole picture is given, and looked at there.
+    let coarse = traced(&scene, &TraceSettings { step_px: 3, ..settings(64, 16) });
+    let mut marked = place.clone();
+    *marked.at_mut(coarse.full_px(0), coarse.full_px(4)) = [30.0; 3];
+    let over = coarse.over(&marked).unwrap();
+    assert_eq!((over.width(), over.height(), coarse.full_px(1)), (5, 5, 4));
+    assert!(over.at(0, 4)[0] > 10.0 && over.at(1, 4)[0] < 1.0);
+    assert_eq!(coarse.with().at(2, 3), pictures.with().at(7, 10));
 }
 
 #[test]
