@@ -4,6 +4,7 @@
 pub mod file;
 pub mod keys;
 pub mod live;
+pub mod manual;
 pub mod resolve;
 pub mod settings;
 

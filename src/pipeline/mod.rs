@@ -5,6 +5,7 @@ pub mod event;
 pub mod feed;
 pub mod frame;
 pub mod gray_place;
+pub mod hud;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;
@@ -21,7 +22,7 @@ use crate::model::{
     image::HdrImage,
     light::RadianceSamples,
     picture::{Picture, PictureView},
-    quality::Quality,
+    quality::{Effects, Quality},
     response::Response,
     rig::Rig,
     scene::Scene,
@@ -75,6 +76,8 @@ pub struct Options {
     pub shown_exposure: Option<Exposure>,
     /// What is shown of a frame.
     pub view: PictureView,
+    /// Whether text is laid over the picture.
+    pub hud: bool,
     /// Tags are searched in a picture reduced by this.
     pub decimate: f32,
     /// Blur before tags are searched, pixels.
@@ -121,6 +124,8 @@ pub struct Pipeline {
     newest_passes: Vec<PassTiming>,
     passes: Vec<PassTiming>,
     frames_done: u64,
+    /// Nobody asks for pose and light themselves.
+    only_pictures: bool,
 }
 
 impl Pipeline {
@@ -150,6 +155,7 @@ impl Pipeline {
             newest_passes: Vec::new(),
             passes: Vec::new(),
             frames_done: 0,
+            only_pictures: false,
         })
     }
 
@@ -158,6 +164,21 @@ impl Pipeline {
     pub fn in_room(mut self, room: Arc<KnownRoom>) -> Self {
         self.presenting.take_room(room);
         self
+    }
+
+    /// Nobody asks for pose and light themselves: frames whose picture needs neither are shown without them.
+    pub fn for_pictures_alone(mut self) -> Self {
+        self.only_pictures = true;
+        self
+    }
+
+    /// Whether a frame's picture is the frame itself: there is nothing virtual to draw, and no other exposure to merge.
+    fn is_picture_itself(&self, frame: &RawFrame) -> bool {
+        self.only_pictures
+            && self.options.exposures_in_cycle <= 1
+            && self.options.quality.effects == Effects::CalledFor
+            && self.options.view == PictureView::Final
+            && self.presenting.shows_nothing_virtual(frame)
     }
 
     /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
@@ -182,6 +203,17 @@ impl Pipeline {
         self.presenting.see(frame);
         let mut stage_ms = [0.0f32; Stage::ALL.len()];
         let start = self.watch.now();
+        if self.is_picture_itself(frame) {
+            self.presenting.shown_as_it_is(lens, frame);
+            self.presenting.lay_text_over();
+            self.frames_done += 1;
+            let ms = (self.watch.now().seconds_since(start) * 1e3) as f32;
+            stage_ms[Stage::Relight as usize] = ms;
+            stage_ms[Stage::Frame as usize] = ms;
+            let shown = Shown::PassedThrough("nothing virtual to draw");
+            let (sequence, t) = (frame.sequence, frame.t_mid);
+            return Ok(FrameOutcome { sequence, t, pose: None, light: None, shown, stage_ms });
+        }
         let pose = self.tracker.track(frame)?;
         let tracked = self.watch.now();
         let registered = self.lighting.gather(
@@ -195,6 +227,7 @@ impl Pipeline {
         let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
         let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
         let lit = self.watch.now();
+        let of_frame = self.presenting.frame_of(frame, self.lighting.is_alone(), self.lighting.was_read());
         let obstacle = policy::obstacle(pose.as_ref(), light.is_some() || self.presenting.has_room());
         let shown = match (obstacle, &pose) {
             (None, Some(pose)) => self.presenting.relit(
@@ -206,6 +239,7 @@ impl Pipeline {
                 self.lighting.environment(),
                 &self.response,
                 frame.t_mid,
+                of_frame,
             ),
             _ => Err(obstacle.unwrap_or("nothing to draw with")),
         };
@@ -218,10 +252,12 @@ impl Pipeline {
                     lens,
                     &self.response,
                     frame,
+                    of_frame,
                 );
                 Shown::PassedThrough(why)
             }
         };
+        self.presenting.lay_text_over();
         let done = self.watch.now();
         for (slot, (to, from)) in stage_ms.iter_mut().zip([
             (tracked, start),
@@ -242,6 +278,12 @@ impl Pipeline {
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         self.presenting.picture()
+    }
+
+    /// Hands in a line of text for the next picture, shown above the table of its effects where `Options::hud` is set.
+    /// Allocates nothing in steady state.
+    pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        self.presenting.note(line);
     }
 
     /// The passes of the last picture, and those left out, each with its reason.
