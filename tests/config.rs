@@ -1,13 +1,13 @@
 //! The settings manual is true, and no settings file makes the program panic.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
-use halflight::config::{Settings, file, keys, resolve};
+use halflight::config::{Settings, file, keys, manual, resolve};
 use proptest::prelude::*;
 
 #[test]
 fn default_toml_is_the_manual() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/config/default.toml");
-    let manual = keys::manual();
+    let manual = manual::manual();
     if std::env::var_os("UPDATE_EXPECT").is_some() {
         std::fs::write(path, &manual).unwrap();
     }

@@ -4,7 +4,7 @@
 use halflight::config::presets;
 use halflight::device::{Clock, FrameSource, open};
 use halflight::engine::{
-    Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput, cpu::CpuEngine,
+    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu::CpuEngine,
 };
 use halflight::model::{
     frame::Exposure,
@@ -19,7 +19,7 @@ use halflight::model::{
 use halflight::nearfield::prepare::KnownRoom;
 use halflight::pipeline::{Options, Pipeline};
 use halflight::plan::{
-    FramePlan, PassTiming,
+    Foresight, FramePlan, Pass, PassTiming,
     front::Front,
     governor::{Goal, Governor},
 };
@@ -92,6 +92,23 @@ impl Engine for Loaded {
         self.inner.measured_samples()
     }
 
+    fn foresee(
+        &mut self,
+        input: &RelightInput<'_>,
+        quality: &Quality,
+        out: &mut Foresight,
+    ) -> Result<(), EngineError> {
+        self.inner.foresee(input, quality, out)
+    }
+
+    fn dispatched(&self) -> &[Pass] {
+        self.inner.dispatched()
+    }
+
+    fn live(&self, out: &mut Vec<Live>) {
+        self.inner.live(out);
+    }
+
     fn relight(
         &mut self,
         plan: &FramePlan,
@@ -143,6 +160,7 @@ fn stepped_load_is_followed_within_ten_frames_and_without_oscillation() {
         exposures_in_cycle: 3,
         shown_exposure: None,
         view: PictureView::Final,
+        hud: true,
         decimate: 1.0,
         quad_sigma_px: 0.8,
     };

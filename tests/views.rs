@@ -107,7 +107,8 @@ impl Place {
             shown_exposure: Exposure { time_s: 0.5, gain: 1.0 },
             t: Timestamp(7),
         };
-        let subject = Subject { scene: &self.scene, input: &input, quality, samples: Some(samples) };
+        let subject =
+            Subject { scene: &self.scene, input: &input, quality, samples: Some(samples), frame: None };
         let (mut plan, mut picture) = (FramePlan::default(), Picture::default());
         self.views.draw(view, &mut self.engine, &subject, &mut plan, &mut picture).unwrap();
         assert_eq!(

@@ -1,6 +1,7 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`, or `-- NAME` for one module of the list.
 
 mod blockers;
+mod effects;
 mod frame;
 mod growth;
 mod merge_bracket;
@@ -12,7 +13,7 @@ mod room;
 mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 9] = [
+    let all: [(&str, fn()); 10] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
@@ -20,6 +21,7 @@ fn main() {
         ("naive", naive::run),
         ("nearfield", nearfield::run),
         ("room", room::run),
+        ("effects", effects::run),
         ("trace", trace::run),
         ("frame", frame::run),
     ];

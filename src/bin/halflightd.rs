@@ -20,6 +20,9 @@ struct Arguments {
     /// One setting over the file, e.g. --set 'device.camera="replay:desk.mcap"' (repeatable).
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Lay text over every picture: what each effect of it is, and why; the same as --set present.hud=true.
+    #[arg(long)]
+    hud: bool,
 }
 
 fn main() -> ExitCode {
@@ -65,5 +68,6 @@ fn settings(arguments: &Arguments) -> Result<Settings, String> {
         let typed = file::parse(line).map_err(|e| format!("--set {line}: {e}"))?;
         settings = resolve("--set", &typed, &settings).map_err(|e| e.to_string())?;
     }
+    settings.hud |= arguments.hud;
     Ok(settings)
 }

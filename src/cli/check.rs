@@ -1,7 +1,7 @@
 //! `halflight check`: is a settings file sound?
 
 use super::{CliError, Common};
-use crate::config::{Settings, file, keys, resolve};
+use crate::config::{Settings, file, keys, manual, resolve};
 use std::path::PathBuf;
 
 /// Check a settings file (or a scene file) and print every mistake at once.
@@ -20,7 +20,7 @@ pub struct Arguments {
 /// Runs `halflight check`.
 pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     if arguments.manual {
-        print!("{}", keys::manual());
+        print!("{}", manual::manual());
     }
     let Some(path) = arguments.config else { return Ok(()) };
     let table = file::read(&path).map_err(CliError)?;

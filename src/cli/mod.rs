@@ -4,6 +4,7 @@ mod bracket;
 pub mod check;
 pub mod common;
 pub mod devices;
+pub mod explain;
 pub mod figures;
 pub mod hdr;
 pub mod light;
@@ -43,6 +44,8 @@ pub enum Verb {
     Replay(replay::Arguments),
     /// Draw one still of a scene file or of a reference case.
     Render(render::Arguments),
+    /// Tell which effects a frame has and which it does without, and why.
+    Explain(explain::Arguments),
     /// Trace a still: ground truth with and without the objects, with its own noise.
     Trace(trace::Arguments),
     /// Show how pictures come about, part by part.
@@ -80,6 +83,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode, CliError> {
         Verb::Stress(a) => return stress::run(a, common),
         Verb::Replay(a) => replay::run(a, common),
         Verb::Render(a) => render::run(a, common),
+        Verb::Explain(a) => explain::run(a, common),
         Verb::Trace(a) => trace::run(a, common),
         Verb::Figures(a) => figures::run(a, common),
         Verb::Light(a) => light::run(a, common),

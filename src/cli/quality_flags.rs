@@ -61,6 +61,10 @@ pub struct QualityFlags {
     /// Taps a side of the shadow filter: 1 to 8 [default: 4].
     #[arg(long, value_name = "N")]
     pub pcf_taps: Option<i64>,
+    /// Which effects a frame has: called_for (by scene, light and view; what has not changed is kept) or all
+    /// [default: called_for].
+    #[arg(long, value_name = "WHICH")]
+    pub effects: Option<String>,
     /// How what objects hide of a known room's light is taken from the picture: ratio (exact), or ldr (from 8-bit values, light
     /// by light, as [Gib03] did) [default: ratio].
     #[arg(long, value_name = "FORM")]
@@ -89,6 +93,7 @@ impl QualityFlags {
             ("--shadow-maps", "quality.shadow_maps", whole(self.shadow_maps)),
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
+            ("--effects", "quality.effects", word(&self.effects)),
             ("--near-form", "quality.near_form", word(&self.near_form)),
         ];
         for (flag, name, value) in given {
@@ -133,6 +138,7 @@ mod tests {
             shadow_maps: Some(3),
             shadow_map_texels: Some(512),
             pcf_taps: Some(8),
+            effects: Some("all".into()),
             near_form: Some("ldr".into()),
         };
         let mut settings = Settings::default();
@@ -144,7 +150,7 @@ mod tests {
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);
-        assert!(quality.soft_at != before.soft_at);
+        assert!(quality.soft_at != before.soft_at && quality.effects != before.effects);
         assert!(quality.near_form != before.near_form);
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);

@@ -41,7 +41,7 @@ impl Default for Transfer {
 impl Transfer {
     /// Takes over the light; free where it has not changed. Whether it had.
     pub fn update(&mut self, light: &LightTerms) -> bool {
-        if self.order == light.order && self.global_rgb == light.global_rgb {
+        if self.is_of(light) {
             return false;
         }
         (self.order, self.global_rgb) = (light.order, light.global_rgb);
@@ -62,6 +62,11 @@ impl Transfer {
             *band = ((4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * z) as f32;
         }
         true
+    }
+
+    /// Whether it is of this light already.
+    pub fn is_of(&self, light: &LightTerms) -> bool {
+        self.order == light.order && self.global_rgb == light.global_rgb
     }
 
     /// Order of the light.

@@ -184,6 +184,28 @@ impl Transferred {
         (self.parts, self.soft, self.gloss) = (parts, soft, gloss);
     }
 
+    /// Whether an update for a frame would change any result; says so, too, where it cannot be sure.
+    pub fn would_change(&self, frame: &VertexFrame<'_>) -> bool {
+        let Some(last) = self.last else { return true };
+        let now = Last {
+            eye_world: frame.eye_world,
+            self_shadow: frame.quality.self_shadow,
+            rung: frame.quality.rung,
+            directions: frame.quality.directions,
+            has_levels: frame.surroundings.has_levels(),
+        };
+        let is_same = Last { eye_world: now.eye_world, ..last } == now
+            && self.matrix.is_of(frame.light)
+            && self.spheres == frame.spheres
+            && !frame.moved;
+        let sees_eye = |(part, material): (&Part, &MaterialTerms)| {
+            let is_glossy = material.exponent != MIRROR_EXPONENT && material.specular_rgb != [0.0; 3];
+            is_glossy && (part.is_blocked || part.has_blocked)
+        };
+        let by_eye = || self.parts.iter().zip(&frame.objects.materials).any(sees_eye);
+        !is_same || (last.eye_world != now.eye_world && by_eye())
+    }
+
     /// Ranges of vertices whose results the last update has changed.
     pub fn changed(&self) -> impl Iterator<Item = Range<usize>> {
         self.parts.iter().filter(|part| part.changed).map(|part| part.vertices.clone())

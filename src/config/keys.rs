@@ -8,7 +8,7 @@ use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
     picture::PictureView,
-    quality::{NearForm, SelfShadow, SoftAt, SplitKind},
+    quality::{Effects, NearForm, SelfShadow, SoftAt, SplitKind},
 };
 use toml::Value;
 
@@ -365,6 +365,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.directions = integer(v) as usize
     ),
     key!(
+        "quality.effects",
+        "",
+        Range::Choice(&Effects::NAMES),
+        "Which effects a frame has: those that scene, light and view call for, what has not changed being kept; or all that there is anything for, made anew in every frame. `halflight explain` tells why.",
+        |s| word(s.quality.effects.name()),
+        |s, v| s.quality.effects = Effects::from_name(&text(v)).unwrap_or_default()
+    ),
+    key!(
         "quality.soft_at",
         "",
         Range::Choice(&SoftAt::NAMES),
@@ -437,6 +445,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.view = PictureView::from_name(&text(v)).unwrap_or_default()
     ),
     key!(
+        "present.hud",
+        "",
+        Range::Switch,
+        "Lay text over the picture: each effect of the frame, whether it is on, kept from an earlier frame or off, and why.",
+        |s| Value::Boolean(s.hud),
+        |s, v| s.hud = v.as_bool().unwrap_or(false)
+    ),
+    key!(
         "output.pictures",
         "",
         Range::Text,
@@ -445,30 +461,3 @@ pub const KEYS: &[Key] = &[
         |s, v| s.pictures_folder = text(v)
     ),
 ];
-
-/// The manual: every key with unit, range, effect and default, as `config/default.toml` holds it.
-pub fn manual() -> String {
-    let defaults = Settings::default();
-    let mut out = String::from(
-        "# Every key of half-light with its unit, range, effect and default: the manual.\n# Made from the table in \
-         src/config/keys.rs; a test keeps both equal.\n# Live keys take effect on the next frame when the file that \
-         `halflightd --config` names is changed; the others at the\n# next start.\n",
-    );
-    let mut section = "";
-    for key in KEYS {
-        let (head, name) = key.name.split_once('.').unwrap_or(("", key.name));
-        if head != section {
-            section = head;
-            out.push_str(&format!("\n[{head}]\n"));
-        }
-        let unit = if key.unit.is_empty() { String::new() } else { format!(" ({})", key.unit) };
-        out.push_str(&format!(
-            "# {}\n# Must be {}{unit}.{}\n{name} = {}\n",
-            key.effect,
-            key.range.describe(),
-            if key.is_live() { " Live." } else { "" },
-            (key.read)(&defaults)
-        ));
-    }
-    out
-}

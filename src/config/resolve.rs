@@ -84,7 +84,7 @@ mod tests {
             (key.write)(&mut copy, &value);
             assert_eq!(copy, defaults, "{}", key.name);
         }
-        let table = file::parse(&super::super::keys::manual()).unwrap();
+        let table = file::parse(&super::super::manual::manual()).unwrap();
         assert_eq!(file::flatten(&table).len(), KEYS.len());
         assert_eq!(resolve("manual", &table, &defaults).unwrap(), defaults);
     }

@@ -41,6 +41,8 @@ pub struct Settings {
     pub shown_exposure_s: f64,
     /// `present.view`
     pub view: PictureView,
+    /// `present.hud`
+    pub hud: bool,
     /// `scene.file`; empty = no virtual objects.
     pub scene_file: String,
     /// `output.pictures`; empty = none.
@@ -118,6 +120,7 @@ impl Default for Settings {
             ball_on_surface: true,
             shown_exposure_s: 0.0,
             view: PictureView::Final,
+            hud: false,
             scene_file: String::new(),
             pictures_folder: String::new(),
             preset: "none".into(),

@@ -79,6 +79,7 @@ pub(super) fn options_of(settings: &Settings, cycle: &[Exposure]) -> Options {
         exposures_in_cycle: cycle.len(),
         shown_exposure,
         view: settings.view,
+        hud: settings.hud,
         decimate: settings.decimate as f32,
         quad_sigma_px: settings.quad_sigma_px as f32,
     }
@@ -165,7 +166,8 @@ pub fn run(
 
 /// The whole daemon: settings in, run to the end.
 pub fn run_daemon(settings: &Settings, live: Option<&mut LiveSettings>) -> Result<RunCounts, PipelineError> {
-    let prepared = prepare(settings)?;
+    let mut prepared = prepare(settings)?;
+    prepared.pipeline = prepared.pipeline.for_pictures_alone();
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let mut sink = PictureFolder::new(&settings.pictures_folder)?;
     run(prepared, settings, live, &mut sink).map(|ran| ran.counts)

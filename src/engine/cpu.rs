@@ -3,13 +3,14 @@
 mod check;
 mod finish;
 mod fragments;
+mod held;
 mod room;
 mod soft;
 
-pub(super) use check::{check, check_light, check_room};
+pub(super) use check::{check, check_frame, check_light, check_room};
 pub(super) use fragments::coarse_lens;
 
-use super::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput};
+use super::{Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput};
 use crate::animate::posed::Posed;
 use crate::compose::{
     carried::{Coarse, RUN, SeenPlane},
@@ -34,13 +35,14 @@ use crate::model::{
     scene::Scene,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::plan::{FramePlan, Pass, PassTiming};
+use crate::plan::{Foresight, FramePlan, Pass, PassTiming};
 use crate::visibility::{
     blockers::Blockers,
     shadow_maps::{Receivers, ShadowMaps},
 };
 use fragments::{object_point, surface_normals};
 use glam::Vec3;
+use held::RATIOS;
 use room::RoomWork;
 use std::sync::Arc;
 
@@ -99,6 +101,7 @@ pub(super) struct Work {
     pub(super) room: RoomWork,
     /// Whether the scene stands in the room.
     stands_in_room: bool,
+    pub(super) held: held::Held,
 }
 
 impl CpuEngine {
@@ -186,6 +189,28 @@ impl Engine for CpuEngine {
         Ok(())
     }
 
+    fn foresee(
+        &mut self,
+        input: &RelightInput<'_>,
+        quality: &Quality,
+        out: &mut Foresight,
+    ) -> Result<(), EngineError> {
+        check_frame(quality, input)?;
+        let (work, timings) = (&mut self.work, &mut self.timings);
+        self.pool.install(|| {
+            work.foresee(input, quality, out, &mut |pass, part| timed(timings, pass, part));
+        });
+        Ok(())
+    }
+
+    fn live(&self, out: &mut Vec<Live>) {
+        self.work.live(out);
+    }
+
+    fn dispatched(&self) -> &[Pass] {
+        self.work.held.dispatched()
+    }
+
     fn take_timings(&mut self, out: &mut Vec<PassTiming>) {
         out.clear();
         out.append(&mut self.timings);
@@ -197,15 +222,23 @@ impl Engine for CpuEngine {
 fn timed<T>(timings: &mut Vec<PassTiming>, pass: Pass, work: impl FnOnce() -> T) -> T {
     let start = std::time::Instant::now();
     let result = work();
-    if timings.len() >= TIMINGS_KEPT {
-        timings.remove(0);
+    let ms = start.elapsed().as_secs_f32() * 1e3;
+    match timings.last_mut() {
+        // Parts of one pass.
+        Some(last) if last.pass == pass => last.ms += ms,
+        _ => {
+            if timings.len() >= TIMINGS_KEPT {
+                timings.remove(0);
+            }
+            timings.push(PassTiming { pass, ms });
+        }
     }
-    timings.push(PassTiming { pass, ms: start.elapsed().as_secs_f32() * 1e3 });
     result
 }
 
 impl Work {
     pub(super) fn load(&mut self, scene: &Scene) {
+        self.held.another_scene();
         self.objects.load(scene);
         self.surfaces.load(&scene.surfaces);
         self.stands_in_room = scene.room.is_some();
@@ -219,19 +252,7 @@ impl Work {
         self.transferred.load(scene);
     }
 
-    /// Moves what has moved. Whether anything had.
-    pub(super) fn pose(&mut self, input: &RelightInput<'_>) -> bool {
-        let mut moved = false;
-        let objects = input.posed.map_or(&[][..], Posed::objects);
-        for (index, object) in objects.iter().enumerate().filter(|(_, o)| o.moved) {
-            self.objects.pose(index, &object.positions_world, &object.normals_world);
-            moved = true;
-        }
-        self.moved |= moved;
-        moved
-    }
-
-    /// Exactly the plan's passes, in its order. What a later pass would read of one that the plan leaves out
+    /// Exactly the plan's passes, in the order of a frame. What a later pass would read of one that the plan leaves out
     /// counts as absent: no object layer, no ratio, no shadow. Merging and reading the light have their own calls.
     fn relight(
         &mut self,
@@ -242,70 +263,38 @@ impl Work {
     ) {
         let light = LightTerms::of(input.light);
         let view = View::of(input.world_from_camera);
-        self.shadows.clear();
-        let (mut objects_drawn, mut ratio_drawn, mut soft_drawn) = (false, false, false);
-        self.pose(input);
+        let quality = &plan.quality;
+        let uses = self.begin(plan, input, &light);
         out.t = input.t;
-        for planned in &plan.passes {
-            match planned.pass {
+        for pass in uses.iter().filter(|pass| !pass.is_measuring()) {
+            if self.is_kept(plan, pass, uses) {
+                continue;
+            }
+            timed(timings, pass, || match pass {
                 Pass::MergeBracket | Pass::UnwrapBall | Pass::ProjectSh => {}
-                Pass::ShadowMaps => {
-                    timed(timings, planned.pass, || self.shadow_maps(input, &light, &plan.quality));
-                }
-                Pass::SoftShadow => {
-                    timed(timings, planned.pass, || self.soft_shadow(input, &view, &light, &plan.quality));
-                    soft_drawn = true;
-                }
-                Pass::PointMaps => timed(timings, planned.pass, || self.point_maps(input, &plan.quality)),
-                Pass::Subtract => {
-                    timed(timings, planned.pass, || self.subtract(input, &view, &light, &plan.quality));
-                    ratio_drawn = true;
-                }
-                Pass::SubtractDisplayed => {
-                    timed(timings, planned.pass, || {
-                        self.subtract_displayed(input, &view, &light, &plan.quality);
-                    });
-                    ratio_drawn = true;
-                }
-                Pass::ShadeObject => {
-                    timed(timings, planned.pass, || {
-                        self.shade_object(input, &view, &light, &plan.quality);
-                    });
-                    objects_drawn = true;
-                }
+                Pass::ShadowMaps => self.shadow_maps(input, &light, quality),
+                Pass::SoftShadow => self.soft_shadow(input, &view, &light, quality),
+                Pass::PointMaps => self.point_maps(input, quality),
+                Pass::Subtract => self.subtract(input, &view, &light, quality),
+                Pass::SubtractDisplayed => self.subtract_displayed(input, &view, &light, quality),
+                Pass::ShadeObject => self.shade_object(input, &view, &light, quality),
                 Pass::ShadeSurface => {
-                    timed(timings, planned.pass, || {
-                        self.shade_surface(input, &view, &light, soft_drawn, &plan.quality);
-                    });
-                    ratio_drawn = true;
+                    self.shade_surface(input, &view, &light, uses.has(Pass::SoftShadow), quality);
                 }
                 Pass::Composite => {
-                    timed(timings, planned.pass, || {
-                        self.composite(input, objects_drawn, ratio_drawn, &mut out.radiance);
-                    });
+                    let ratio_drawn = RATIOS.into_iter().any(|pass| uses.has(pass));
+                    self.composite(input, uses.has(Pass::ShadeObject), ratio_drawn, &mut out.radiance);
                 }
-                Pass::Tonemap => timed(timings, planned.pass, || self.tonemap(input, out)),
-            }
+                Pass::Tonemap => self.tonemap(input, out),
+            });
+            self.held.made(pass, uses);
         }
-    }
-
-    /// Fits the shadow maps' cameras to what is seen of the shadows; what the maps hold is as it was.
-    pub(super) fn shadow_cameras(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
-        let objects = &self.objects;
-        self.receivers.see(input.lens, input.world_from_camera, objects.bodies());
-        self.shadows.fit(
-            light.hard(),
-            &objects.positions,
-            &objects.triangles,
-            &self.receivers,
-            quality.shadow_map_texels,
-            quality.pcf_taps,
-        );
     }
 
     pub(super) fn shadow_maps(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
         self.shadow_cameras(input, light, quality);
         self.shadows.draw(&self.objects.positions, &self.objects.triangles);
+        self.held.maps_drawn(&self.shadows);
     }
 
     /// Takes over what mirrors see of a frame, and finds the soft light at the vertices of objects.

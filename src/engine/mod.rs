@@ -18,7 +18,7 @@ use crate::model::{
     scene::Scene,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::plan::{FramePlan, PassTiming};
+use crate::plan::{Foresight, FramePlan, Pass, PassTiming};
 use std::sync::Arc;
 
 /// What went wrong in an engine.
@@ -88,6 +88,15 @@ pub struct RelightInput<'a> {
     pub t: crate::model::time::Timestamp,
 }
 
+/// Memory that an engine holds for its passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Live {
+    /// What it is.
+    pub name: &'static str,
+    /// How large.
+    pub bytes: u64,
+}
+
 /// The CPU twins in order, or the GPU.
 pub trait Engine: Send {
     /// One line for people: engine, backend, adapter.
@@ -108,13 +117,27 @@ pub trait Engine: Send {
     -> Result<MeasuredLight, EngineError>;
     /// The weighted directions behind the newest estimate, world frame; empty before the first.
     fn measured_samples(&self) -> &RadianceSamples;
-    /// Draws one frame: allocates and dispatches exactly the plan's passes.
+    /// Looks at a frame before it is planned: which results of earlier frames would come out the same to the last bit, and
+    /// which shadows are seen. The frame itself may follow, or another.
+    fn foresee(
+        &mut self,
+        input: &RelightInput<'_>,
+        quality: &Quality,
+        out: &mut Foresight,
+    ) -> Result<(), EngineError>;
+    /// Draws one frame: allocates and dispatches exactly the plan's passes. A result that the plan keeps and that is not
+    /// held after all is made.
     fn relight(
         &mut self,
         plan: &FramePlan,
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError>;
+    /// The passes that the last frame dispatched, in order.
+    fn dispatched(&self) -> &[Pass];
+    /// What lives for the last frame, by name: on the device its buffers and textures, on the CPU the pictures and maps that
+    /// passes make. What is made for passes that a frame does not use is freed when it begins.
+    fn live(&self, out: &mut Vec<Live>);
     /// Time of each pass since the last call of `take_timings`, in order.
     fn take_timings(&mut self, out: &mut Vec<PassTiming>);
 }

@@ -93,6 +93,34 @@ impl SoftAt {
     }
 }
 
+/// Which effects a frame has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Effects {
+    /// Those that the scene, the light and the view call for; what has not changed is kept.
+    #[default]
+    CalledFor,
+    /// All that there is anything for, each made anew in every frame.
+    All,
+}
+
+impl Effects {
+    /// All, as they are called in settings.
+    pub const NAMES: [&str; 2] = ["called_for", "all"];
+
+    /// As in settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CalledFor => "called_for",
+            Self::All => "all",
+        }
+    }
+
+    /// From its name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::CalledFor, Self::All].into_iter().find(|k| k.name() == name)
+    }
+}
+
 /// How what objects hide of a known room's light is taken from the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NearForm {
@@ -124,6 +152,8 @@ impl NearForm {
 /// Accuracy settings of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
+    /// Which effects there are.
+    pub effects: Effects,
     /// What becomes of the light.
     pub split: SplitKind,
     /// How the visibility of many spheres is put together where they block soft light.
@@ -165,6 +195,7 @@ pub struct Quality {
 impl Default for Quality {
     fn default() -> Self {
         Self {
+            effects: Effects::CalledFor,
             split: SplitKind::Compact,
             rung: Rung::Directions,
             directions: 128,

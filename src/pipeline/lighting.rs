@@ -32,6 +32,8 @@ pub struct Lighting {
     /// Frames in the last bracket.
     bracket: usize,
     refused: u64,
+    /// The last frame's light was read.
+    was_read: bool,
 }
 
 impl Lighting {
@@ -46,6 +48,7 @@ impl Lighting {
             full_bracket: options.quality.brackets.min(options.exposures_in_cycle.max(1)),
             bracket: 0,
             refused: 0,
+            was_read: false,
         }
     }
 
@@ -94,6 +97,16 @@ impl Lighting {
         &self.picture
     }
 
+    /// Whether the newest frame alone makes the merged picture.
+    pub fn is_alone(&self) -> bool {
+        self.bracket == 1
+    }
+
+    /// Whether the last measurement read the ball.
+    pub fn was_read(&self) -> bool {
+        self.was_read
+    }
+
     /// The light at `t`: measured where it is due and the pose was measured, else held. `None` before the first.
     pub fn measure(
         &mut self,
@@ -103,6 +116,7 @@ impl Lighting {
         t: Timestamp,
         due: bool,
     ) -> Option<LightEstimate> {
+        self.was_read = false;
         let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
         if let (true, Some(pose), Some(ball)) =
             (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
@@ -117,6 +131,7 @@ impl Lighting {
             });
             match engine.estimate_light(&job, &self.quality) {
                 Ok(light) => {
+                    self.was_read = true;
                     self.follow.update(t, &light.total, &light.flags, engine.measured_samples());
                 }
                 Err(error) => {

@@ -5,6 +5,7 @@ pub mod event;
 pub mod feed;
 pub mod frame;
 pub mod gray_place;
+pub mod hud;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;
@@ -21,7 +22,7 @@ use crate::model::{
     image::HdrImage,
     light::RadianceSamples,
     picture::{Picture, PictureView},
-    quality::Quality,
+    quality::{Effects, Quality},
     response::Response,
     rig::Rig,
     scene::Scene,
@@ -75,6 +76,8 @@ pub struct Options {
     pub shown_exposure: Option<Exposure>,
     /// What is shown of a frame.
     pub view: PictureView,
+    /// Whether text is laid over the picture.
+    pub hud: bool,
     /// Tags are searched in a picture reduced by this.
     pub decimate: f32,
     /// Blur before tags are searched, pixels.
@@ -126,6 +129,8 @@ pub struct Pipeline {
     passes: Vec<PassTiming>,
     frames_done: u64,
     governor: Option<Governor>,
+    /// Nobody asks for pose and light themselves.
+    only_pictures: bool,
 }
 
 impl Pipeline {
@@ -156,6 +161,7 @@ impl Pipeline {
             passes: Vec::new(),
             frames_done: 0,
             governor: None,
+            only_pictures: false,
         })
     }
 
@@ -179,6 +185,21 @@ impl Pipeline {
     pub fn in_room(mut self, room: Arc<KnownRoom>) -> Self {
         self.presenting.take_room(room);
         self
+    }
+
+    /// Nobody asks for pose and light themselves: frames whose picture needs neither are shown without them.
+    pub fn for_pictures_alone(mut self) -> Self {
+        self.only_pictures = true;
+        self
+    }
+
+    /// Whether a frame's picture is the frame itself: there is nothing virtual to draw, and no other exposure to merge.
+    fn is_picture_itself(&self, frame: &RawFrame) -> bool {
+        self.only_pictures
+            && self.options.exposures_in_cycle <= 1
+            && self.options.quality.effects == Effects::CalledFor
+            && self.options.view == PictureView::Final
+            && self.presenting.shows_nothing_virtual(frame)
     }
 
     /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
@@ -207,6 +228,19 @@ impl Pipeline {
         self.presenting.see(frame);
         let mut stage_ms = [0.0f32; Stage::ALL.len()];
         let start = self.watch.now();
+        if self.is_picture_itself(frame) {
+            self.presenting.shown_as_it_is(lens, frame);
+            self.presenting.lay_text_over();
+            self.frames_done += 1;
+            let ms = (self.watch.now().seconds_since(start) * 1e3) as f32;
+            stage_ms[Stage::Relight as usize] = ms;
+            stage_ms[Stage::Frame as usize] = ms;
+            let shown = Shown::PassedThrough("nothing virtual to draw");
+            let (sequence, t) = (frame.sequence, frame.t_mid);
+            // Nothing is drawn that the governor could learn from.
+            let choice = self.governor.as_ref().map(Governor::choice);
+            return Ok(FrameOutcome { sequence, t, pose: None, light: None, shown, stage_ms, choice });
+        }
         let pose = self.tracker.track(frame)?;
         let tracked = self.watch.now();
         let registered = self.lighting.gather(
@@ -220,6 +254,7 @@ impl Pipeline {
         let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
         let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
         let lit = self.watch.now();
+        let of_frame = self.presenting.frame_of(frame, self.lighting.is_alone(), self.lighting.was_read());
         let obstacle = policy::obstacle(pose.as_ref(), light.is_some() || self.presenting.has_room());
         let shown = match (obstacle, &pose) {
             (None, Some(pose)) => self.presenting.relit(
@@ -231,6 +266,7 @@ impl Pipeline {
                 self.lighting.environment(),
                 &self.response,
                 frame.t_mid,
+                of_frame,
             ),
             _ => Err(obstacle.unwrap_or("nothing to draw with")),
         };
@@ -243,10 +279,12 @@ impl Pipeline {
                     lens,
                     &self.response,
                     frame,
+                    of_frame,
                 );
                 Shown::PassedThrough(why)
             }
         };
+        self.presenting.lay_text_over();
         let done = self.watch.now();
         for (slot, (to, from)) in stage_ms.iter_mut().zip([
             (tracked, start),
@@ -278,12 +316,28 @@ impl Pipeline {
             );
         }
         let choice = choice.map(|(_, choice)| choice);
+        if let Some(choice) = choice.filter(|_| self.options.hud) {
+            self.note(format_args!(
+                "governor: step {} of {}, expected error {:.3}, expected {:.1} ms, measured {:.1} ms",
+                choice.step + 1,
+                choice.of,
+                choice.expected_error,
+                choice.expected_ms,
+                choice.measured_ms
+            ));
+        }
         Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms, choice })
     }
 
     /// The last picture.
     pub fn picture(&self) -> &Picture {
         self.presenting.picture()
+    }
+
+    /// Hands in a line of text for the next picture, shown above the table of its effects where `Options::hud` is set.
+    /// Allocates nothing in steady state.
+    pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        self.presenting.note(line);
     }
 
     /// The passes of the last picture, and those left out, each with its reason.

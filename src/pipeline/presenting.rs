@@ -2,8 +2,9 @@
 
 use super::{
     Options,
+    hud::Hud,
     room_light::RoomLight,
-    views::{Subject, Views},
+    views::{CameraFrame, Subject, Views},
 };
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, RelightInput};
@@ -41,6 +42,8 @@ pub struct Presenting {
     shown_exposure: ShownExposure,
     view: PictureView,
     views: Views,
+    /// Text over the picture, where it is wanted.
+    hud: Option<Hud>,
     /// The room that the scene stands in, which the engine was given.
     room: Option<RoomLight>,
 }
@@ -58,7 +61,8 @@ impl Presenting {
             quality: options.quality,
             shown_exposure: ShownExposure::new(options),
             view: options.view,
-            views: Views::default(),
+            views: Views::keeping(),
+            hud: options.hud.then(Hud::default),
             room: None,
         }
     }
@@ -82,6 +86,9 @@ impl Presenting {
     pub fn retune(&mut self, options: &Options) {
         self.quality = options.quality;
         self.view = options.view;
+        if options.hud != self.hud.is_some() {
+            self.hud = options.hud.then(Hud::default);
+        }
         if self.shown_exposure.asked != options.shown_exposure {
             self.shown_exposure = ShownExposure::new(options);
         }
@@ -92,7 +99,7 @@ impl Presenting {
         change(&mut self.scene);
         self.posed = Posed::new(&self.scene);
         // Views that have a scene of their own make it from the new one.
-        self.views = Views::default();
+        self.views = Views::keeping();
     }
 
     /// Looks at how well a frame is exposed (only during the first cycle of exposures).
@@ -112,6 +119,7 @@ impl Presenting {
         environment: Option<&EnvironmentPicture>,
         response: &Response,
         t: Timestamp,
+        frame: CameraFrame<'_>,
     ) -> Result<(), &'static str> {
         let start = *self.start.get_or_insert(t);
         self.posed.update(&self.scene, t.seconds_since(start));
@@ -134,7 +142,13 @@ impl Presenting {
             shown_exposure: self.shown_exposure.chosen,
             t,
         };
-        let subject = Subject { scene: &self.scene, input: &input, quality: &self.quality, samples: None };
+        let subject = Subject {
+            scene: &self.scene,
+            input: &input,
+            quality: &self.quality,
+            samples: None,
+            frame: Some(frame),
+        };
         let drawn = self.views.draw(self.view, engine, &subject, &mut self.plan, &mut self.picture);
         drawn.map_err(|error| {
             tracing::warn!("shown without virtual objects: {error}");
@@ -157,9 +171,18 @@ impl Presenting {
         lens: &Lens,
         response: &Response,
         frame: &RawFrame,
+        of_frame: CameraFrame<'_>,
     ) {
         let dark = Lights::soft(RadianceSh::zero(self.quality.sh_order));
-        effects::plan(&Occasion::SHOW, &self.nothing, &dark, &self.quality, &mut self.plan);
+        let occasion = Occasion {
+            merge: true,
+            ball: of_frame.reads_ball,
+            project: of_frame.reads_ball,
+            camera: Some((lens, &Pose::IDENTITY)),
+            camera_picture: of_frame.shown_as_it_is.is_some(),
+            ..Occasion::SHOW
+        };
+        effects::plan(&occasion, &self.nothing, &dark, &self.quality, &mut self.plan);
         let input = RelightInput {
             background,
             lens,
@@ -171,12 +194,48 @@ impl Presenting {
             shown_exposure: self.shown_exposure.chosen,
             t: frame.t_mid,
         };
-        if let Err(error) = engine.relight(&self.plan, &input, &mut self.picture) {
+        let drawn = engine.relight(&self.plan, &input, &mut self.picture);
+        if let Err(error) = &drawn {
             tracing::warn!("shown as it came: {error}");
-            self.picture.t = frame.t_mid;
-            self.picture.display.reshape(frame.pixels.width(), frame.pixels.height(), [0; 3]);
-            self.picture.display.pixels_mut().copy_from_slice(frame.pixels.pixels());
         }
+        if drawn.is_err() || self.plan.passes_through {
+            self.copy(frame);
+        }
+    }
+
+    /// A line of text for the next picture.
+    pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        if let Some(hud) = &mut self.hud {
+            hud.note(line);
+        }
+    }
+
+    /// Lays the text over the picture, where it is wanted.
+    pub fn lay_text_over(&mut self) {
+        if let Some(hud) = &mut self.hud {
+            hud.draw(&self.plan, &mut self.picture.display);
+        }
+    }
+
+    /// Whether the scene has no object, and a frame is exposed as pictures are shown.
+    pub fn shows_nothing_virtual(&self, frame: &RawFrame) -> bool {
+        let has_objects = self.scene.objects.iter().any(|o| !o.mesh.triangles.is_empty());
+        !has_objects && frame.exposure == self.shown_exposure.chosen
+    }
+
+    /// The frame's own pixels, and nothing else.
+    pub fn shown_as_it_is(&mut self, lens: &Lens, frame: &RawFrame) {
+        let dark = Lights::soft(RadianceSh::zero(self.quality.sh_order));
+        let occasion =
+            Occasion { camera: Some((lens, &Pose::IDENTITY)), camera_picture: true, ..Occasion::SHOW };
+        effects::plan(&occasion, &self.nothing, &dark, &self.quality, &mut self.plan);
+        self.copy(frame);
+    }
+
+    fn copy(&mut self, frame: &RawFrame) {
+        self.picture.t = frame.t_mid;
+        self.picture.display.reshape(frame.pixels.width(), frame.pixels.height(), [0; 3]);
+        self.picture.display.pixels_mut().copy_from_slice(frame.pixels.pixels());
     }
 
     /// What is drawn.
@@ -187,6 +246,12 @@ impl Presenting {
     /// The passes of the last picture.
     pub fn plan(&self) -> &FramePlan {
         &self.plan
+    }
+
+    /// What of a frame matters to the picture; `is_alone`: its pixels alone were merged.
+    pub fn frame_of<'a>(&self, frame: &'a RawFrame, is_alone: bool, reads_ball: bool) -> CameraFrame<'a> {
+        let is_shown = is_alone && frame.exposure == self.shown_exposure.chosen;
+        CameraFrame { shown_as_it_is: is_shown.then_some(&*frame.pixels), reads_ball }
     }
 
     /// Exposure of the shown pictures.

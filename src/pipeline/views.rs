@@ -4,12 +4,13 @@
 mod panels;
 
 use super::gray_place::GrayPlace;
+use crate::animate::posed::Posed;
 use crate::assets::shapes;
 use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
 use crate::engine::{Engine, EngineError, RelightInput};
 use crate::model::{
     frame::Exposure,
-    image::HdrImage,
+    image::{HdrImage, Rgb8Image},
     light::{HardLights, Lights, RadianceSamples, RadianceSh},
     picture::{Picture, PictureView},
     quality::Quality,
@@ -17,7 +18,7 @@ use crate::model::{
     scene::{Material, Scene, VirtualObject},
 };
 use crate::plan::{
-    FramePlan, Pass,
+    Foresight, FramePlan, Pass, Verdict,
     effects::{self, Occasion},
 };
 use crate::visibility::shadow_maps::{Receivers, ShadowMaps};
@@ -43,6 +44,18 @@ pub struct Subject<'a> {
     pub quality: &'a Quality,
     /// The light as it was measured, world frame; `None`: as the engine measured it last.
     pub samples: Option<&'a RadianceSamples>,
+    /// The camera's frame, where there is one.
+    pub frame: Option<CameraFrame<'a>>,
+}
+
+/// What of a camera's frame matters to the picture.
+#[derive(Clone, Copy)]
+pub struct CameraFrame<'a> {
+    /// Its pixels, where they are what the picture shows with nothing virtual in it: the frame alone was merged, at the shown
+    /// exposure.
+    pub shown_as_it_is: Option<&'a Rgb8Image>,
+    /// The light was read from the ball in it.
+    pub reads_ball: bool,
 }
 
 /// Draws pictures by views; keeps its memory from picture to picture.
@@ -58,6 +71,8 @@ pub struct Views {
     receivers: Receivers,
     shadows: ShadowMaps,
     even_response: Response,
+    /// What the engine knows of the next frame, where results of earlier ones are to be kept.
+    foresight: Option<Foresight>,
 }
 
 impl Default for Views {
@@ -72,11 +87,17 @@ impl Default for Views {
             receivers: Receivers::default(),
             shadows: ShadowMaps::default(),
             even_response: Response::srgb(),
+            foresight: None,
         }
     }
 }
 
 impl Views {
+    /// Pictures follow each other: what has not changed since the last is kept.
+    pub fn keeping() -> Self {
+        Self { foresight: Some(Foresight::NONE), ..Self::default() }
+    }
+
     /// Plans and draws one picture. Another view than [`PictureView::Final`] may hand the engine other scenes; a later
     /// `Final` gives it back the subject's. `plan` is what was run.
     pub fn draw(
@@ -87,7 +108,7 @@ impl Views {
         plan: &mut FramePlan,
         out: &mut Picture,
     ) -> Result<(), EngineError> {
-        let Subject { scene, input, quality, samples } = *subject;
+        let Subject { scene, input, quality, samples, frame } = *subject;
         let (width, height) = (input.background.radiance.width(), input.background.radiance.height());
         match view {
             PictureView::Light => {
@@ -127,9 +148,6 @@ impl Views {
             view,
             PictureView::Direct | PictureView::Global | PictureView::Cast | PictureView::SelfShadow
         );
-        let occasion = Occasion { camera: Some((input.lens, input.world_from_camera)), ..Occasion::SHOW };
-        effects::plan(&occasion, scene, &light, quality, plan);
-        leave_out(view, plan);
         // Shares of light are shown as they are, not as a camera would expose them.
         let share = matches!(view, PictureView::Cast | PictureView::SelfShadow);
         let changed = RelightInput {
@@ -144,7 +162,29 @@ impl Views {
             shown_exposure: if share { Exposure { time_s: 1.0, gain: 1.0 } } else { input.shown_exposure },
             t: input.t,
         };
-        engine.relight(plan, &changed, out)
+        if let Some(foresight) = &mut self.foresight {
+            engine.foresee(&changed, quality, foresight)?;
+        }
+        let own_picture = frame.and_then(|f| f.shown_as_it_is).filter(|_| !own_background);
+        let reads_ball = frame.is_some_and(|f| f.reads_ball);
+        let occasion = Occasion {
+            merge: frame.is_some(),
+            ball: reads_ball,
+            project: reads_ball,
+            camera: Some((input.lens, input.world_from_camera)),
+            camera_picture: own_picture.is_some(),
+            spheres: changed.posed.map(Posed::spheres),
+            foresight: self.foresight.as_ref(),
+            ..Occasion::SHOW
+        };
+        effects::plan(&occasion, scene, &light, quality, plan);
+        leave_out(view, plan);
+        engine.relight(plan, &changed, out)?;
+        if let Some(pixels) = own_picture.filter(|_| plan.passes_through) {
+            out.display.reshape(pixels.width(), pixels.height(), [0; 3]);
+            out.display.pixels_mut().copy_from_slice(pixels.pixels());
+        }
+        Ok(())
     }
 
     /// Gives the engine the scene of the view, where it does not hold it already.
@@ -233,14 +273,19 @@ fn leave_out(view: PictureView, plan: &mut FramePlan) {
         PictureView::Blockers => &[Pass::SoftShadow, Pass::ShadeSurface],
         _ => &[],
     };
-    let FramePlan { passes, left_out, .. } = plan;
-    passes.retain(|planned| {
-        let kept = !gone.contains(&planned.pass);
-        if !kept {
-            left_out.push(crate::plan::PlannedPass { reason: "the view does not show it", ..*planned });
-        }
-        kept
-    });
+    const WHY: &str = "the view does not show it";
+    let FramePlan { passes, kept, left_out, decisions, .. } = plan;
+    for list in [passes, kept] {
+        list.retain(|planned| {
+            let is_shown = !gone.contains(&planned.pass);
+            if !is_shown {
+                left_out.push(crate::plan::PlannedPass { reason: WHY, ..*planned });
+                let of_it = decisions.iter_mut().filter(|d| d.effect.pass() == Some(planned.pass));
+                of_it.for_each(|d| (d.verdict, d.reason, d.error_bound) = (Verdict::Off, WHY, 0.0));
+            }
+            is_shown
+        });
+    }
 }
 
 /// Every blocker sphere as a matt ball in a colour of its own.

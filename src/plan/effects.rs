@@ -1,14 +1,17 @@
-//! What a frame needs, decided from what there is: objects, light, camera and what the caller wants.
+//! What a frame needs, decided from what there is: objects, light, camera, what the caller wants, and what has changed.
 
-use super::{FramePlan, Pass, PlannedPass};
-use crate::math::{lens::Lens, pose::Pose};
-use crate::model::{
-    blocker::SHADER_SPHERES,
-    light::Lights,
-    quality::{NearForm, Quality},
-    scene::{Scene, VirtualObject},
+use super::{
+    Decision, Effect, Foresight, FramePlan, LARGEST_ERROR, Pass, PassSet, PlannedPass, Verdict, bounds,
+    view_cone::ViewCone, work::Amounts,
 };
-use glam::{DVec2, DVec3, Vec3};
+use crate::math::{lens::Lens, pose::Pose, sh::zonal::phong_saturates};
+use crate::model::{
+    blocker::{BlockerSphere, SHADER_SPHERES},
+    light::Lights,
+    quality::{Effects, NearForm, Quality, SelfShadow},
+    scene::{Material, Mesh, Scene},
+};
+use glam::Vec3;
 
 /// What the caller does with this frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,16 +28,57 @@ pub struct Occasion<'a> {
     pub display: bool,
     /// Lens and pose; objects that it cannot see are not shaded. `None`: everything may be seen.
     pub camera: Option<(&'a Lens, &'a Pose)>,
+    /// The camera's own picture can be shown as it is, where nothing virtual is in it.
+    pub camera_picture: bool,
+    /// Where the spheres of the scene's bodies are now; `None`: not known.
+    pub spheres: Option<&'a [BlockerSphere]>,
+    /// What the engine holds of earlier frames; `None`: nothing.
+    pub foresight: Option<&'a Foresight>,
 }
 
 impl Occasion<'_> {
     /// A picture drawn and shown with light that is known already.
-    pub const SHOW: Self =
-        Self { merge: false, ball: false, project: false, draw: true, display: true, camera: None };
+    pub const SHOW: Self = Self {
+        merge: false,
+        ball: false,
+        project: false,
+        draw: true,
+        display: true,
+        camera: None,
+        camera_picture: false,
+        spheres: None,
+        foresight: None,
+    };
+}
+
+/// Why: `Ok` for doing something, `Err` for leaving it out.
+type Why = Result<&'static str, &'static str>;
+
+/// A pass or an effect that has been looked at: why it is done or left out, and what leaving it out changes at most.
+#[derive(Clone, Copy)]
+struct Ruling {
+    why: Why,
+    error_bound: f32,
+}
+
+impl Ruling {
+    /// Left out because there is nothing for it.
+    const fn nothing(reason: &'static str) -> Self {
+        Self { why: Err(reason), error_bound: 0.0 }
+    }
+
+    /// Done, with what leaving it out could change.
+    const fn on(reason: &'static str, error_bound: f32) -> Self {
+        Self { why: Ok(reason), error_bound }
+    }
+
+    fn asked(wanted: bool, yes: &'static str, no: &'static str) -> Self {
+        if wanted { Self::on(yes, f32::INFINITY) } else { Self::nothing(no) }
+    }
 }
 
 /// Writes the passes of one frame into `out` (memory is reused): each that the frame calls for with its
-/// reason, and each left out with its reason.
+/// reason, and each left out with its reason; and the decision on each effect.
 ///
 /// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
 /// hide some of them, or `SubtractDisplayed` in its place (`Quality::near_form`): it subtracts from what an 8-bit display shows
@@ -42,148 +86,404 @@ impl Occasion<'_> {
 /// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
-///   an object in view, or a receiving surface that faces the light.
+///   an object in view, or a receiving surface that faces the light; and not so little light that nobody sees its shadow.
 /// * `SoftShadow`: soft light, a surface that receives shadows, and a body with spheres. Its reason says where it has
 ///   more of them than shaders take, so that it runs on the CPU twin with either engine.
 /// * `ShadeSurface`: with `ShadowMaps`, where a receiving surface faces a hard light, or with `SoftShadow`.
 /// * `ShadeObject`: an object is in view.
-/// * `Composite`: a picture is drawn. `Tonemap`: it is shown.
+/// * `Composite`: a picture is drawn, unless the camera's own is shown as it is. `Tonemap`: it is shown.
+///
+/// A pass whose result the engine holds and that would come out the same is kept. With `Effects::All` whatever there is
+/// anything for is drawn, seen or not, and nothing is kept.
 pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Quality, out: &mut FramePlan) {
     out.passes.clear();
+    out.kept.clear();
     out.left_out.clear();
-    out.passes.reserve(Pass::ALL.len());
-    out.left_out.reserve(Pass::ALL.len());
+    out.decisions.clear();
+    for list in [&mut out.passes, &mut out.kept, &mut out.left_out] {
+        list.reserve(Pass::ALL.len());
+    }
+    out.decisions.reserve(Effect::ALL.len());
     out.quality = *quality;
 
-    let draw = occasion.draw;
-    let objects = scene.objects.iter().any(|o| !o.mesh.triangles.is_empty());
-    let seen = objects
-        && occasion.camera.is_none_or(|(lens, pose)| {
+    let look = Look::of(occasion, scene, light, quality);
+    let all = quality.effects == Effects::All;
+    let shadows = look.shadow_maps();
+    let soft = look.soft_shadow();
+    let near = look.near();
+    let objects = look.objects();
+    let surfaces = look.surfaces(shadows, soft);
+    let draws = |r: Ruling| r.why.is_ok();
+    out.passes_through = occasion.draw
+        && occasion.camera_picture
+        && !all
+        && !draws(objects)
+        && !draws(surfaces)
+        && !draws(near);
+    let shown = |yes: &'static str, no: &'static str, wanted: bool| {
+        if out.passes_through {
+            Ruling::nothing("nothing virtual is in the picture: the camera's own is shown as it is")
+        } else {
+            Ruling::asked(wanted, yes, no)
+        }
+    };
+    let reads = occasion.project || occasion.ball;
+    let rulings: [Ruling; Pass::ALL.len()] = [
+        Ruling::asked(occasion.merge, "a bracket came in", "no bracket to merge"),
+        Ruling::asked(
+            occasion.ball,
+            "the light is read from the ball",
+            "the light is not read from a ball now",
+        ),
+        Ruling::asked(reads, "measured light becomes SH", "no light is measured now"),
+        shadows,
+        soft,
+        near,
+        look.near_form(near, NearForm::Ratio),
+        look.near_form(near, NearForm::Ldr),
+        objects,
+        surfaces,
+        shown("a picture is drawn", "no picture is drawn", occasion.draw),
+        shown("the picture is shown", "no display output is wanted", occasion.draw && occasion.display),
+    ];
+
+    let mut used = PassSet::default();
+    for (pass, _) in Pass::ALL.into_iter().zip(&rulings).filter(|(_, r)| draws(**r)) {
+        used.insert(pass);
+    }
+    let foresight = occasion.foresight.filter(|_| !all).unwrap_or(&Foresight::NONE);
+    // What a pass reads has to be kept, too, or to come out the same; the engine has seen to that.
+    let is_kept = |pass: Pass| used.has(pass) && foresight.holds(pass, used);
+    for (pass, ruling) in Pass::ALL.into_iter().zip(&rulings) {
+        match ruling.why {
+            Ok(_) if is_kept(pass) => out.kept.push(PlannedPass { pass, reason: kept_because(pass) }),
+            Ok(reason) => out.passes.push(PlannedPass { pass, reason }),
+            Err(reason) => out.left_out.push(PlannedPass { pass, reason }),
+        }
+    }
+
+    let amounts = look.amounts();
+    let of_pass = |effect, pass: Pass| {
+        let ruling = rulings[pass as usize];
+        let (verdict, reason) = match ruling.why {
+            Ok(_) if is_kept(pass) => (Verdict::Kept, kept_because(pass)),
+            Ok(reason) => (Verdict::On, reason),
+            Err(reason) => (Verdict::Off, reason),
+        };
+        let error_bound = if verdict == Verdict::Kept { 0.0 } else { ruling.error_bound };
+        Decision { effect, verdict, reason, saving: amounts.of(pass) * 1e-6, error_bound }
+    };
+    let within = |effect, ruling: Ruling, whole: Pass, held: Option<&'static str>, units: f32| {
+        let (verdict, reason) = match (ruling.why, held) {
+            (Err(reason), _) => (Verdict::Off, reason),
+            (Ok(_), _) if is_kept(whole) => (Verdict::Kept, "what it goes into is kept"),
+            (Ok(_), Some(reason)) if !all => (Verdict::Kept, reason),
+            (Ok(reason), _) => (Verdict::On, reason),
+        };
+        let error_bound = if verdict == Verdict::Kept { 0.0 } else { ruling.error_bound };
+        Decision { effect, verdict, reason, saving: units * 1e-6, error_bound }
+    };
+    let (mirror, filter) = (look.mirror_picture(objects), look.shadow_filter(shadows));
+    let (vertices, volume) = (look.vertex_light(objects), look.irradiance_volume(objects));
+    let same_vertices =
+        foresight.vertex_light_is_held.then_some("light, objects and what is near them are as they were");
+    let same_mirror = foresight.mirror_picture_is_held.then_some("no new picture of the place came in");
+    let taps = (amounts.pixels * quality.pcf_taps.pow(2) as usize) as f32;
+    let decisions = [
+        of_pass(Effect::BracketMerge, Pass::MergeBracket),
+        of_pass(Effect::BallUnwrap, Pass::UnwrapBall),
+        of_pass(Effect::ShProjection, Pass::ProjectSh),
+        within(Effect::MirrorPicture, mirror, Pass::ShadeObject, same_mirror, amounts.pixels as f32),
+        of_pass(Effect::ShadowMaps, Pass::ShadowMaps),
+        within(Effect::ShadowFilter, filter, Pass::ShadowMaps, None, 0.1 * taps),
+        of_pass(Effect::SoftShadows, Pass::SoftShadow),
+        within(Effect::VertexLight, vertices, Pass::ShadeObject, same_vertices, amounts.vertex_light()),
+        within(Effect::IrradianceVolume, volume, Pass::ShadeObject, None, 10.0 * amounts.vertices as f32),
+        of_pass(Effect::NearMaps, Pass::PointMaps),
+        of_pass(
+            Effect::NearShadows,
+            match quality.near_form {
+                NearForm::Ratio => Pass::Subtract,
+                NearForm::Ldr => Pass::SubtractDisplayed,
+            },
+        ),
+        of_pass(Effect::Objects, Pass::ShadeObject),
+        of_pass(Effect::SurfaceShadows, Pass::ShadeSurface),
+        of_pass(Effect::Composition, Pass::Composite),
+        of_pass(Effect::ToneMapping, Pass::Tonemap),
+    ];
+    out.decisions.extend(decisions);
+}
+
+/// Why the result of an earlier frame will do.
+const fn kept_because(pass: Pass) -> &'static str {
+    match pass {
+        Pass::ShadowMaps => "neither objects nor lights nor what the maps are fitted to have changed",
+        Pass::PointMaps => {
+            "neither objects nor the room's lights nor what the maps are fitted to have changed"
+        }
+        _ => "neither light nor camera nor objects have changed",
+    }
+}
+
+/// What there is in a frame.
+struct Look<'a> {
+    occasion: &'a Occasion<'a>,
+    scene: &'a Scene,
+    light: &'a Lights,
+    quality: &'a Quality,
+    all: bool,
+    in_room: bool,
+    /// There are virtual objects; they may be seen.
+    has_objects: bool,
+    seen: bool,
+    /// Hard light shines; it falls on the front of a surface that receives shadows; there is such a surface.
+    lit: bool,
+    faces: bool,
+    receivers: bool,
+    spheres: usize,
+    is_glossy: bool,
+}
+
+impl<'a> Look<'a> {
+    fn of(occasion: &'a Occasion<'a>, scene: &'a Scene, light: &'a Lights, quality: &'a Quality) -> Self {
+        let all = quality.effects == Effects::All;
+        let has_objects = scene.objects.iter().any(|o| !o.mesh.triangles.is_empty());
+        let in_view = |(lens, pose): (&Lens, &Pose)| {
             let cone = ViewCone::new(lens, pose);
             // What moves may be anywhere.
             scene.figures.iter().any(|f| !f.is_still() && !f.parts.is_empty())
                 || scene.objects.iter().any(|o| cone.may_see(o))
-        });
-    let hard = || {
+        };
+        let seen = has_objects && (all || occasion.camera.is_none_or(in_view));
         let shines = |e: &[f32; 3]| e.iter().any(|&e| e > 0.0 && e.is_finite());
-        light
-            .hard
-            .as_slice()
-            .iter()
-            .filter(move |h| shines(&h.irradiance_rgb))
-            .map(|h| Vec3::from(h.to_light_world))
-    };
-    let lit = hard().next().is_some();
-    let receivers = scene.surfaces.iter().any(|s| s.receives_shadow);
-    let faces = hard().any(|w| scene.surfaces.iter().any(|s| s.receives_shadow && faces_light(&s.mesh, w)));
+        let hard = || {
+            let shining = light.hard.as_slice().iter().filter(move |h| shines(&h.irradiance_rgb));
+            shining.map(|h| Vec3::from(h.to_light_world))
+        };
+        let receiving = || scene.surfaces.iter().filter(|s| s.receives_shadow);
+        let glossy =
+            |m: &Material| matches!(m, Material::Phong { specular_rgb, .. } if *specular_rgb != [0.0; 3]);
+        Self {
+            occasion,
+            scene,
+            light,
+            quality,
+            all,
+            in_room: scene.room.is_some(),
+            has_objects,
+            seen,
+            lit: hard().next().is_some(),
+            faces: hard().any(|w| receiving().any(|s| faces_light(&s.mesh, w))),
+            receivers: receiving().next().is_some(),
+            spheres: scene.figures.iter().map(|f| f.spheres.len()).sum(),
+            is_glossy: scene.objects.iter().any(|o| glossy(&o.material)),
+        }
+    }
 
-    let mut decide = |pass: Pass, why: Result<&'static str, &'static str>| match why {
-        Ok(reason) => out.passes.push(PlannedPass { pass, reason }),
-        Err(reason) => out.left_out.push(PlannedPass { pass, reason }),
-    };
-    let asked = |wanted: bool, yes: &'static str, no: &'static str| if wanted { Ok(yes) } else { Err(no) };
+    fn shadow_maps(&self) -> Ruling {
+        if !self.occasion.draw {
+            return Ruling::nothing("no picture is drawn");
+        }
+        if !self.has_objects {
+            return Ruling::nothing("no virtual object casts a shadow");
+        }
+        if !self.lit {
+            return Ruling::nothing("no hard light");
+        }
+        let reason = if self.seen {
+            "virtual objects in view stand in hard light"
+        } else if self.in_room {
+            "the sun shines into the known room"
+        } else if self.faces {
+            "shadows of objects out of view fall on real surfaces"
+        } else {
+            return Ruling::nothing("the hard light reaches nothing in view");
+        };
+        if self.all {
+            return Ruling::on(reason, f32::INFINITY);
+        }
+        if self.occasion.foresight.is_some_and(|f| f.maps_seen == Some(0)) {
+            return Ruling::nothing("every hard shadow falls outside of the picture");
+        }
+        // The light of a known room is not that of `light` alone.
+        let share = if self.in_room { f32::INFINITY } else { bounds::hard_share(self.scene, self.light) };
+        if share <= LARGEST_ERROR {
+            return Ruling {
+                why: Err("the hard light is too faint for its shadow to be seen"),
+                error_bound: share,
+            };
+        }
+        Ruling::on(reason, share)
+    }
 
-    decide(Pass::MergeBracket, asked(occasion.merge, "a bracket came in", "no bracket to merge"));
-    decide(
-        Pass::UnwrapBall,
-        asked(occasion.ball, "the light is read from the ball", "the light is not read from a ball now"),
-    );
-    decide(
-        Pass::ProjectSh,
-        asked(occasion.project || occasion.ball, "measured light becomes SH", "no light is measured now"),
-    );
-    let in_room = scene.room.is_some();
-    let near = if !in_room {
-        Err("no known room")
-    } else if !draw {
-        Err("no picture is drawn")
-    } else if !objects {
-        Err("no virtual object hides any light")
-    } else {
-        Ok("virtual objects stand in a known room")
-    };
-    let shadows = if !draw {
-        Err("no picture is drawn")
-    } else if !objects {
-        Err("no virtual object casts a shadow")
-    } else if !lit {
-        Err("no hard light")
-    } else if seen {
-        Ok("virtual objects in view stand in hard light")
-    } else if in_room {
-        Ok("the sun shines into the known room")
-    } else if faces {
-        Ok("shadows of objects out of view fall on real surfaces")
-    } else {
-        Err("the hard light reaches nothing in view")
-    };
-    decide(Pass::ShadowMaps, shadows);
-    let spheres: usize = scene.figures.iter().map(|f| f.spheres.len()).sum();
-    let soft = if !draw {
-        Err("no picture is drawn")
-    } else if in_room {
-        Err("the known room's own lights throw the shadows")
-    } else if spheres == 0 {
-        Err("no virtual body has spheres")
-    } else if !receivers {
-        Err("no real surface receives shadows")
-    } else if light.global.rows().iter().flatten().all(|c| *c == 0.0) {
-        Err("no soft light")
-    } else {
-        Ok(if spheres > SHADER_SPHERES {
+    fn shadow_filter(&self, shadows: Ruling) -> Ruling {
+        match shadows.why {
+            Err(_) => Ruling::nothing("no shadow maps"),
+            Ok(_) if self.quality.pcf_taps <= 1 => Ruling::nothing("one tap is asked for"),
+            // A pixel at a shadow's edge would be all light or all shadow.
+            Ok(_) => Ruling::on("edges of shadows would have steps", shadows.error_bound),
+        }
+    }
+
+    fn soft_shadow(&self) -> Ruling {
+        if !self.occasion.draw {
+            return Ruling::nothing("no picture is drawn");
+        }
+        if self.in_room {
+            return Ruling::nothing("the known room's own lights throw the shadows");
+        }
+        if self.spheres == 0 {
+            return Ruling::nothing("no virtual body has spheres");
+        }
+        if !self.receivers {
+            return Ruling::nothing("no real surface receives shadows");
+        }
+        if self.light.global.rows().iter().flatten().all(|c| *c == 0.0) {
+            return Ruling::nothing("no soft light");
+        }
+        let reason = if self.spheres > SHADER_SPHERES {
             "virtual bodies stand in soft light over real surfaces; on the CPU with either engine if more than 256 \
              spheres count: shaders take no more"
         } else {
             "virtual bodies stand in soft light over real surfaces"
-        })
-    };
-    decide(Pass::SoftShadow, soft);
-    decide(Pass::PointMaps, near);
-    let (ratio, displayed) = match (near, quality.near_form) {
-        (Err(reason), _) => (Err(reason), Err(reason)),
-        (Ok(reason), NearForm::Ratio) => {
-            (Ok(reason), Err("the known room's light is taken in linear light, as a ratio"))
+        };
+        if self.all {
+            return Ruling::on(reason, f32::INFINITY);
         }
-        (Ok(_), NearForm::Ldr) => (
-            Err("the known room's light is taken from 8-bit values"),
-            Ok("virtual objects stand in a known room, and 8-bit values were asked for"),
-        ),
-    };
-    decide(Pass::Subtract, ratio);
-    decide(Pass::SubtractDisplayed, displayed);
-    let shade = if !draw {
-        Err("no picture is drawn")
-    } else if !objects {
-        Err("no virtual object")
-    } else if !seen {
-        Err("every virtual object is out of view")
-    } else {
-        Ok("virtual objects are in view")
-    };
-    decide(Pass::ShadeObject, shade);
-    let surface = if in_room {
-        Err("the known room's own lights throw the shadows")
-    } else if soft.is_ok() {
-        Ok("soft light is blocked over a receiving surface")
-    } else if shadows.is_err() {
-        shadows
-    } else if !receivers {
-        Err("no real surface receives shadows")
-    } else if !faces {
-        Err("the hard light is below every receiving surface")
-    } else {
-        Ok("a receiving surface faces a hard light")
-    };
-    decide(Pass::ShadeSurface, surface);
-    decide(Pass::Composite, asked(draw, "a picture is drawn", "no picture is drawn"));
-    decide(
-        Pass::Tonemap,
-        asked(draw && occasion.display, "the picture is shown", "no display output is wanted"),
-    );
+        let share = bounds::soft_share(self.scene, self.light, self.quality.rung, self.occasion.spheres);
+        if share <= LARGEST_ERROR {
+            let why = Err("what virtual bodies hide of the soft light is too little to be seen");
+            return Ruling { why, error_bound: share };
+        }
+        Ruling::on(reason, share)
+    }
+
+    fn near(&self) -> Ruling {
+        if !self.in_room {
+            Ruling::nothing("no known room")
+        } else if !self.occasion.draw {
+            Ruling::nothing("no picture is drawn")
+        } else if !self.has_objects {
+            Ruling::nothing("no virtual object hides any light")
+        } else {
+            // The ratio lies within 0 and 1.
+            Ruling::on("virtual objects stand in a known room", 1.0)
+        }
+    }
+
+    /// One of the two ways to take what objects hide.
+    fn near_form(&self, near: Ruling, form: NearForm) -> Ruling {
+        match (near.why, self.quality.near_form, form) {
+            (Ok(_), NearForm::Ldr, NearForm::Ldr) => {
+                Ruling::on("virtual objects stand in a known room, and 8-bit values were asked for", 1.0)
+            }
+            (Ok(_), NearForm::Ratio, NearForm::Ldr) => {
+                Ruling::nothing("the known room's light is taken in linear light, as a ratio")
+            }
+            (Ok(_), NearForm::Ldr, NearForm::Ratio) => {
+                Ruling::nothing("the known room's light is taken from 8-bit values")
+            }
+            _ => near,
+        }
+    }
+
+    fn objects(&self) -> Ruling {
+        if !self.occasion.draw {
+            Ruling::nothing("no picture is drawn")
+        } else if !self.has_objects {
+            Ruling::nothing("no virtual object")
+        } else if !self.seen {
+            Ruling::nothing("every virtual object is out of view")
+        } else {
+            Ruling::on("virtual objects are in view", f32::INFINITY)
+        }
+    }
+
+    fn surfaces(&self, shadows: Ruling, soft: Ruling) -> Ruling {
+        if self.in_room {
+            Ruling::nothing("the known room's own lights throw the shadows")
+        } else if soft.why.is_ok() {
+            Ruling::on("soft light is blocked over a receiving surface", 1.0)
+        } else if shadows.why.is_err() {
+            // What it would draw has been left out already, with its own bound.
+            Ruling { error_bound: 0.0, ..shadows }
+        } else if !self.receivers {
+            Ruling::nothing("no real surface receives shadows")
+        } else if !self.faces && !self.all {
+            Ruling::nothing("the hard light is below every receiving surface")
+        } else {
+            Ruling::on("a receiving surface faces a hard light", 1.0)
+        }
+    }
+
+    fn mirror_picture(&self, objects: Ruling) -> Ruling {
+        let order = self.light.global.order;
+        let reads = |m: &Material| match *m {
+            Material::Mirror { .. } => true,
+            Material::Phong { specular_rgb, exponent, .. } => {
+                specular_rgb != [0.0; 3] && phong_saturates(order, exponent)
+            }
+            Material::Lambert { .. } => false,
+        };
+        match objects.why {
+            Err(reason) => Ruling::nothing(reason),
+            Ok(_) if !self.scene.objects.iter().any(|o| reads(&o.material)) => {
+                Ruling::nothing("no mirror and no sharp gloss")
+            }
+            Ok(_) => Ruling::on("mirrors or sharp gloss show the place", f32::INFINITY),
+        }
+    }
+
+    fn vertex_light(&self, objects: Ruling) -> Ruling {
+        let transfers = self.quality.self_shadow == SelfShadow::Transfer
+            && self.scene.transfer.as_ref().is_some_and(|t| t.objects.iter().any(Option::is_some));
+        match objects.why {
+            Err(reason) => Ruling::nothing(reason),
+            Ok(_) if self.in_room => Ruling::nothing("the known room lights the vertices"),
+            Ok(_) if !transfers && self.spheres == 0 => {
+                Ruling::nothing("no precomputed transfer, and no spheres to be hidden by")
+            }
+            Ok(_) if self.light.global.rows().iter().flatten().all(|c| *c == 0.0) => {
+                Ruling::nothing("no soft light")
+            }
+            Ok(_) => Ruling::on(
+                "soft light on objects is hidden by themselves and each other",
+                if self.is_glossy { f32::INFINITY } else { 1.0 },
+            ),
+        }
+    }
+
+    fn irradiance_volume(&self, objects: Ruling) -> Ruling {
+        match objects.why {
+            _ if !self.in_room => Ruling::nothing("no known room"),
+            Err(reason) => Ruling::nothing(reason),
+            Ok(_) => Ruling::on("objects are lit by the known room", f32::INFINITY),
+        }
+    }
+
+    fn amounts(&self) -> Amounts {
+        let quality = self.quality;
+        let pixels = self.occasion.camera.map_or(0, |(lens, _)| lens.width as usize * lens.height as usize);
+        let maps = self.light.hard.as_slice().len();
+        let maps = self.occasion.foresight.and_then(|f| f.maps_seen).unwrap_or(maps);
+        Amounts {
+            pixels,
+            vertices: self.scene.objects.iter().map(|o| o.mesh.positions.len()).sum(),
+            maps,
+            map_texels: quality.shadow_map_texels as usize,
+            spheres: self.spheres,
+            soft_step_px: quality.soft_step_px as usize,
+            near_lights: if self.in_room { quality.shadow_maps } else { 0 },
+            near_texels: quality.shadow_map_texels as usize / 4,
+            coefficients: quality.sh_order * quality.sh_order,
+            brackets: quality.brackets,
+        }
+    }
 }
 
 /// Whether light from `to_light` falls on the front of some triangle of a mesh in the world frame.
-fn faces_light(mesh: &crate::model::scene::Mesh, to_light: Vec3) -> bool {
+fn faces_light(mesh: &Mesh, to_light: Vec3) -> bool {
     mesh.triangles.iter().any(|t| {
         let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize)) else { return false };
         let normal = (*b - *a).cross(*c - *a);
@@ -191,221 +491,5 @@ fn faces_light(mesh: &crate::model::scene::Mesh, to_light: Vec3) -> bool {
     })
 }
 
-/// A cone around the camera's axis that holds the whole picture.
-struct ViewCone {
-    eye: DVec3,
-    axis: DVec3,
-    half_angle_rad: f64,
-}
-
-impl ViewCone {
-    fn new(lens: &Lens, world_from_camera: &Pose) -> Self {
-        let (w, h) = (f64::from(lens.width), f64::from(lens.height));
-        // The widest rays of a picture lie on its border.
-        let mut half_angle_rad = 0.0f64;
-        for k in 0..=8 {
-            let t = f64::from(k) / 8.0;
-            for p in [(t * w, 0.0), (t * w, h), (0.0, t * h), (w, t * h)] {
-                let angle = lens
-                    .unproject(DVec2::new(p.0, p.1))
-                    .map_or(std::f64::consts::PI, |d| d.z.clamp(-1.0, 1.0).acos());
-                half_angle_rad = half_angle_rad.max(angle);
-            }
-        }
-        Self {
-            eye: world_from_camera.translation,
-            axis: world_from_camera.rotate(DVec3::Z),
-            half_angle_rad: half_angle_rad + 0.01,
-        }
-    }
-
-    /// Whether the bounding sphere of an object reaches into the cone.
-    fn may_see(&self, object: &VirtualObject) -> bool {
-        let mut low = Vec3::INFINITY;
-        let mut high = Vec3::NEG_INFINITY;
-        for &p in &object.mesh.positions {
-            low = low.min(p);
-            high = high.max(p);
-        }
-        if !(low.is_finite() && high.is_finite()) {
-            return false;
-        }
-        let to_world = object.world_from_object;
-        let centre = to_world.transform_point3(0.5 * (low + high));
-        let half = 0.5 * (high - low);
-        let m = to_world.matrix3;
-        let reach = Vec3::from(m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z);
-        let radius_m = f64::from(reach.length());
-        let to_centre = centre.as_dvec3() - self.eye;
-        let distance_m = to_centre.length();
-        if distance_m <= radius_m {
-            return true;
-        }
-        let off_axis = self.axis.dot(to_centre / distance_m).clamp(-1.0, 1.0).acos();
-        off_axis <= self.half_angle_rad + (radius_m / distance_m).asin()
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::{
-        blocker::Rung,
-        light::{HardLight, RadianceSh},
-        scene::{Material, Mesh, RealSurface},
-    };
-    use glam::Affine3A;
-
-    fn mesh() -> Mesh {
-        Mesh {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-            normals: vec![Vec3::Z; 3],
-            tints_rgb: vec![[1.0; 3]; 3],
-            triangles: vec![[0, 1, 2]],
-        }
-    }
-
-    fn scene(objects: usize, receives: Option<bool>) -> Scene {
-        let object = VirtualObject {
-            name: "o".into(),
-            mesh: mesh(),
-            material: Material::Lambert { albedo_rgb: [0.5; 3] },
-            world_from_object: Affine3A::IDENTITY,
-            openness: vec![1.0; 3],
-        };
-        let surface = |receives_shadow| RealSurface {
-            name: "s".into(),
-            mesh: mesh(),
-            receives_shadow,
-            albedo_rgb: None,
-        };
-        Scene {
-            objects: vec![object; objects],
-            surfaces: receives.map(surface).into_iter().collect(),
-            ..Scene::default()
-        }
-    }
-
-    fn sun(to_light_world: [f32; 3], e: f32) -> Lights {
-        let mut lights = Lights::soft(RadianceSh::zero(4));
-        lights.hard.push(HardLight { to_light_world, irradiance_rgb: [e; 3], extent_rad: 0.0 });
-        lights
-    }
-
-    fn passes(occasion: &Occasion<'_>, scene: &Scene, light: &Lights) -> Vec<Pass> {
-        let mut out = FramePlan::default();
-        plan(occasion, scene, light, &Quality::default(), &mut out);
-        let mut all: Vec<Pass> = out.passes.iter().chain(&out.left_out).map(|p| p.pass).collect();
-        all.sort();
-        assert_eq!(all, Pass::ALL, "every pass is either planned or left out");
-        assert!(out.passes.is_sorted_by_key(|p| p.pass), "in the order of the frame");
-        out.passes.iter().map(|p| p.pass).collect()
-    }
-
-    const UP: [f32; 3] = [0.0, 0.0, 1.0];
-    const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
-
-    #[test]
-    fn only_what_the_scene_calls_for() {
-        use Pass::{Composite, ShadeObject, ShadeSurface, ShadowMaps, Tonemap};
-        let show = Occasion::SHOW;
-        let full = scene(1, Some(true));
-        assert_eq!(
-            passes(&show, &full, &sun(UP, 2.0)),
-            [ShadowMaps, ShadeObject, ShadeSurface, Composite, Tonemap]
-        );
-        // No sun, or a sun without power, or below the ground: no shadow on it.
-        let dark = Lights::soft(RadianceSh::zero(4));
-        for light in [dark, sun(UP, 0.0), sun(UP, -1.0)] {
-            assert_eq!(passes(&show, &full, &light), [ShadeObject, Composite, Tonemap]);
-        }
-        assert_eq!(passes(&show, &full, &sun(DOWN, 2.0)), [ShadowMaps, ShadeObject, Composite, Tonemap]);
-        // A surface that only hides, or none.
-        for surfaces in [Some(false), None] {
-            let out = passes(&show, &scene(1, surfaces), &sun(UP, 2.0));
-            assert_eq!(out, [ShadowMaps, ShadeObject, Composite, Tonemap]);
-        }
-        // Nothing virtual.
-        assert_eq!(passes(&show, &scene(0, Some(true)), &sun(UP, 2.0)), [Composite, Tonemap]);
-        let linear = Occasion { display: false, ..show };
-        assert_eq!(passes(&linear, &scene(0, None), &sun(UP, 2.0)), [Composite]);
-    }
-
-    #[test]
-    fn the_reason_says_what_no_shader_can_do() {
-        let mut place = scene(1, Some(true));
-        let light = |order| {
-            let mut global = RadianceSh::zero(order);
-            global.rgb[0] = [1.0; 3];
-            Lights::soft(global)
-        };
-        let reason = |place: &Scene, rung, order| {
-            let mut out = FramePlan::default();
-            let quality = Quality { rung, sh_order: order, ..Quality::default() };
-            plan(&Occasion::SHOW, place, &light(order), &quality, &mut out);
-            out.passes.iter().find(|p| p.pass == Pass::SoftShadow).expect("soft shadows").reason
-        };
-        let body = |count| {
-            let spheres = (0..count).map(|k| (Vec3::X * k as f32, 0.1));
-            crate::model::animation::Figure::still("body".into(), 0, Affine3A::IDENTITY, spheres)
-        };
-        place.figures = vec![body(128), body(128)];
-        for rung in Rung::ALL {
-            for order in 2..=6 {
-                assert!(!reason(&place, rung, order).contains("CPU"), "{} {order}", rung.name());
-            }
-        }
-        place.figures = vec![body(128), body(128), body(1)];
-        assert!(reason(&place, Rung::Directions, 4).contains("more than 256 spheres"));
-    }
-
-    #[test]
-    fn a_known_room_is_drawn_by_its_own_light() {
-        use Pass::{Composite, PointMaps, ShadeObject, ShadowMaps, Subtract, Tonemap};
-        let mut place = scene(1, Some(true));
-        place.room = Some(std::sync::Arc::default());
-        let mut light = Lights::soft(RadianceSh::zero(4));
-        light.global.rgb[0] = [1.0; 3];
-        // Soft light alone, as of a room: no halves of far light.
-        let near = [PointMaps, Subtract, ShadeObject, Composite, Tonemap];
-        assert_eq!(passes(&Occasion::SHOW, &place, &light), near);
-        // A sun shines in: the objects' map under it, too, even where no real surface outside of the room faces it.
-        for to_light in [UP, DOWN] {
-            let with_sun = [ShadowMaps, PointMaps, Subtract, ShadeObject, Composite, Tonemap];
-            assert_eq!(passes(&Occasion::SHOW, &place, &sun(to_light, 2.0)), with_sun);
-        }
-        // From 8-bit values instead.
-        let mut out = FramePlan::default();
-        let ldr = Quality { near_form: NearForm::Ldr, ..Quality::default() };
-        plan(&Occasion::SHOW, &place, &light, &ldr, &mut out);
-        assert!(out.has(Pass::SubtractDisplayed) && !out.has(Subtract) && out.has(PointMaps));
-        // Nothing virtual: nothing is taken.
-        place.objects.clear();
-        assert_eq!(passes(&Occasion::SHOW, &place, &sun(UP, 2.0)), [Composite, Tonemap]);
-    }
-
-    #[test]
-    fn measuring_and_drawing_are_independent() {
-        use Pass::{MergeBracket, ProjectSh, UnwrapBall};
-        let measure = Occasion { merge: true, ball: true, ..Occasion::default() };
-        let out = passes(&measure, &scene(1, Some(true)), &sun(UP, 2.0));
-        assert_eq!(out, [MergeBracket, UnwrapBall, ProjectSh]);
-        let map = Occasion { project: true, ..Occasion::default() };
-        assert_eq!(passes(&map, &scene(0, None), &sun(UP, 2.0)), [ProjectSh]);
-    }
-
-    #[test]
-    fn objects_out_of_view_still_throw_shadows_into_it() {
-        use Pass::{Composite, ShadeObject, ShadeSurface, ShadowMaps, Tonemap};
-        let lens = Lens::pinhole(64, 48, 60.0, 60.0, 32.0, 24.0);
-        let at = Pose::look_at(DVec3::new(0.3, -4.0, 1.0), DVec3::new(0.3, 0.3, 0.0), DVec3::Z);
-        let away = Pose::look_at(DVec3::new(0.3, -4.0, 1.0), DVec3::new(0.3, -9.0, 0.0), DVec3::Z);
-        let full = scene(1, Some(true));
-        let with = |pose| {
-            let occasion = Occasion { camera: Some((&lens, pose)), ..Occasion::SHOW };
-            passes(&occasion, &full, &sun(UP, 2.0))
-        };
-        assert_eq!(with(&at), [ShadowMaps, ShadeObject, ShadeSurface, Composite, Tonemap]);
-        assert_eq!(with(&away), [ShadowMaps, ShadeSurface, Composite, Tonemap]);
-    }
-}
+mod tests;

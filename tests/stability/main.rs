@@ -13,6 +13,7 @@ mod engines;
 mod exposures;
 mod light;
 mod near;
+mod odd;
 mod pictures;
 mod poses;
 mod random;

@@ -208,7 +208,8 @@ impl Still {
             shown_exposure: Exposure { time_s, gain: 1.0 },
             t: Timestamp(0),
         };
-        let subject = Subject { scene: &self.scene, input: &input, quality, samples: Some(&self.samples) };
+        let subject =
+            Subject { scene: &self.scene, input: &input, quality, samples: Some(&self.samples), frame: None };
         let (mut views, mut picture) = (Views::default(), Picture::default());
         views.draw(self.view, engine, &subject, &mut plan, &mut picture).map_err(failed)?;
         let mut timings = Vec::new();

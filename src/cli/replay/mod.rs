@@ -50,6 +50,9 @@ pub struct Arguments {
     /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
+    /// Lay text over every picture: each effect, whether it is on, kept or off, and why.
+    #[arg(long)]
+    hud: bool,
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
@@ -127,6 +130,7 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
     if let Some(frames) = arguments.frames {
         settings.frames = frames;
     }
+    settings.hud |= arguments.hud;
     if let Some(view) = &arguments.view {
         settings.view = super::render::view_named(view)?;
     }

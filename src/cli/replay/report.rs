@@ -69,6 +69,7 @@ impl Report {
             "stages": stages,
             "plan": {
                 "passes": reasons(&self.last_plan.passes),
+                "kept": reasons(&self.last_plan.kept),
                 "left_out": reasons(&self.last_plan.left_out),
             },
             "light": {
@@ -144,6 +145,9 @@ impl Report {
         let _ = writeln!(out, "\npasses of the last picture");
         for planned in &self.last_plan.passes {
             let _ = writeln!(out, "  {:<24}{}", planned.pass.name(), planned.reason);
+        }
+        for planned in &self.last_plan.kept {
+            let _ = writeln!(out, "  {:<24}kept: {}", planned.pass.name(), planned.reason);
         }
         for planned in &self.last_plan.left_out {
             let _ = writeln!(out, "  {:<24}left out: {}", planned.pass.name(), planned.reason);

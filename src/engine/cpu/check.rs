@@ -36,8 +36,13 @@ pub fn check_room(scene: &Scene, room: &RoomWork) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// Whether the parts of a frame fit together.
+/// Whether the parts of a planned frame fit together.
 pub fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
+    check_frame(&plan.quality, input)
+}
+
+/// Whether the parts of a frame fit together.
+pub fn check_frame(quality: &Quality, input: &RelightInput<'_>) -> Result<(), EngineError> {
     let refuse = |what: String| Err(EngineError::Input(what));
     let (lens, background) = (input.lens, &input.background.radiance);
     if (lens.width as usize, lens.height as usize) != (background.width(), background.height()) {
@@ -57,7 +62,6 @@ pub fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineErr
     if !(exposure_s.is_finite() && exposure_s > 0.0) {
         return refuse(format!("relight: shown exposure = {exposure_s} s: must be above 0"));
     }
-    let quality = &plan.quality;
     if !(64..=4096).contains(&quality.shadow_map_texels) {
         return refuse(format!(
             "quality.shadow_map_texels = {}: must be within 64..=4096",

@@ -165,12 +165,16 @@ impl Work {
     }
 
     pub(in crate::engine) fn find_room_lights(&mut self, input: &RelightInput<'_>, quality: &Quality) {
-        self.room.find_lights(&self.objects, input, quality);
+        if !self.held.near_is_fitted() {
+            self.held.near_fitted();
+            self.room.find_lights(&self.objects, input, quality);
+        }
     }
 
     pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         self.find_room_lights(input, quality);
         self.room.draw_maps();
+        self.held.near_maps_drawn(self.room.frame.maps().cameras());
     }
 
     /// The ratio at every pixel that sees the front of the room; 1 elsewhere.

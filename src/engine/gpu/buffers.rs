@@ -1,6 +1,6 @@
 //! Device memory that is kept from frame to frame and grows only when sizes change.
 
-use super::{context::GpuContext, kernel::Resource};
+use super::{context::GpuContext, kernel::Resource, live::Lease};
 use crate::engine::EngineError;
 
 /// Copies and uploads come in units of this many bytes.
@@ -15,7 +15,7 @@ pub fn whole_words(bytes: usize) -> u64 {
 pub struct GrowingBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
-    buffer: Option<wgpu::Buffer>,
+    buffer: Option<(wgpu::Buffer, Lease)>,
 }
 
 impl GrowingBuffer {
@@ -37,17 +37,25 @@ impl GrowingBuffer {
     /// The buffer, of at least that many bytes. What it held is lost when it has to grow.
     pub fn at_least(&mut self, context: &GpuContext, bytes: usize) -> &wgpu::Buffer {
         let size = whole_words(bytes);
-        if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < size) {
+        if self.buffer.as_ref().is_some_and(|(buffer, lease)| buffer.size() < size || !lease.is_live()) {
             self.buffer = None;
         }
-        self.buffer.get_or_insert_with(|| {
-            context.device.create_buffer(&wgpu::BufferDescriptor {
+        let (buffer, _) = self.buffer.get_or_insert_with(|| {
+            let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(self.label),
                 size,
                 usage: self.usage,
                 mapped_at_creation: false,
-            })
-        })
+            });
+            let lease = context.live.buffer(self.label, &buffer);
+            (buffer, lease)
+        });
+        buffer
+    }
+
+    /// Whether what was written is still there.
+    pub fn is_live(&self) -> bool {
+        self.buffer.as_ref().is_some_and(|(_, lease)| lease.is_live())
     }
 
     /// Uploads at the start of the buffer, which grows to hold it all.
@@ -79,7 +87,7 @@ pub fn write_bytes(context: &GpuContext, buffer: &wgpu::Buffer, offset: u64, byt
 /// A mappable buffer that results are copied to and read from.
 pub struct Readback {
     label: &'static str,
-    buffer: Option<wgpu::Buffer>,
+    buffer: Option<(wgpu::Buffer, Lease)>,
 }
 
 impl Readback {
@@ -91,17 +99,20 @@ impl Readback {
     /// The target of copies, of at least that many bytes.
     pub fn at_least(&mut self, context: &GpuContext, bytes: usize) -> &wgpu::Buffer {
         let size = whole_words(bytes);
-        if self.buffer.as_ref().is_some_and(|buffer| buffer.size() < size) {
+        if self.buffer.as_ref().is_some_and(|(buffer, lease)| buffer.size() < size || !lease.is_live()) {
             self.buffer = None;
         }
-        self.buffer.get_or_insert_with(|| {
-            context.device.create_buffer(&wgpu::BufferDescriptor {
+        let (buffer, _) = self.buffer.get_or_insert_with(|| {
+            let buffer = context.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(self.label),
                 size,
                 usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
-            })
-        })
+            });
+            let lease = context.live.buffer(self.label, &buffer);
+            (buffer, lease)
+        });
+        buffer
     }
 
     /// Waits for the device and hands the first `bytes` bytes to `read`. The copy must have been submitted.

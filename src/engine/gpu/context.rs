@@ -6,6 +6,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::live::LiveList;
 use crate::engine::EngineError;
 
 /// Which interface the GPU is driven through.
@@ -72,6 +73,8 @@ pub struct GpuContext {
     info: wgpu::AdapterInfo,
     timestamps: bool,
     first_error: Arc<Mutex<Option<String>>>,
+    /// What lives on it.
+    pub live: LiveList,
 }
 
 /// Lists every adapter of the given interface and what it lacks.
@@ -140,7 +143,15 @@ impl GpuContext {
             let mut slot = lost.lock().unwrap_or_else(PoisonError::into_inner);
             slot.get_or_insert_with(|| format!("device lost ({reason:?}): {message}"));
         });
-        Ok(Self { device, queue, backend, info: adapter.get_info(), timestamps, first_error })
+        Ok(Self {
+            device,
+            queue,
+            backend,
+            info: adapter.get_info(),
+            timestamps,
+            first_error,
+            live: LiveList::new(),
+        })
     }
 
     /// Which interface is in use.

@@ -9,7 +9,7 @@ use super::{
     relight::{Relighter, ready},
 };
 use crate::{
-    engine::{Bracket, Engine, EngineError, LightJob, MeasuredLight, RelightInput, cpu},
+    engine::{Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu},
     hdr::merge_bracket,
     light::{
         maps::samples_of_map,
@@ -26,7 +26,7 @@ use crate::{
         scene::Scene,
     },
     nearfield::prepare::KnownRoom,
-    plan::{FramePlan, Pass, PassTiming},
+    plan::{Foresight, FramePlan, Pass, PassTiming},
 };
 use std::sync::Arc;
 
@@ -116,6 +116,7 @@ impl GpuEngine {
         if self.on_cpu(Pass::ProjectSh) || !self.context.binds(16 * samples.directions.len()) {
             return Ok(self.timer.host(Pass::ProjectSh, || project_sh::project_sh(samples, order)));
         }
+        self.context.live.serve(Pass::ProjectSh);
         let project = ready(&mut self.project, &self.context, ProjectSh::new)?;
         project.run(&self.context, &mut self.timer, samples, order)
     }
@@ -133,6 +134,7 @@ impl GpuEngine {
             let unwrap = || twin.unwrap(shot, out);
             return timer.host(Pass::UnwrapBall, unwrap).map_err(refused);
         }
+        self.context.live.serve(Pass::UnwrapBall);
         let kernel = ready(&mut self.unwrap, &self.context, UnwrapBall::new)?;
         let (view, cells) = (&mut self.ball_view, &mut self.cells);
         let prepare = || {
@@ -179,6 +181,7 @@ impl Engine for GpuEngine {
         }
         merge_bracket::check(bracket.pictures, bracket.exposures)
             .map_err(|error| EngineError::Input(error.to_string()))?;
+        self.context.live.serve(Pass::MergeBracket);
         let merge = ready(&mut self.merge, &self.context, MergeBracket::new)?;
         merge.run(&self.context, &mut self.timer, bracket, response, out)
     }
@@ -216,6 +219,26 @@ impl Engine for GpuEngine {
         let draws = self.context.draws(background.width(), background.height());
         let on_cpu = |pass: Pass| self.on_cpu[pass as usize] || !draws && PER_PIXEL.contains(&pass);
         self.relighter.run(&self.context, &mut self.timer, on_cpu, plan, input, out)
+    }
+
+    fn foresee(
+        &mut self,
+        input: &RelightInput<'_>,
+        quality: &Quality,
+        out: &mut Foresight,
+    ) -> Result<(), EngineError> {
+        cpu::check_frame(quality, input)?;
+        let timer = &mut self.timer;
+        self.relighter.foresee(input, quality, out, &mut |pass, part| timer.host(pass, part));
+        Ok(())
+    }
+
+    fn live(&self, out: &mut Vec<Live>) {
+        self.context.live.list(out);
+    }
+
+    fn dispatched(&self) -> &[Pass] {
+        self.relighter.dispatched()
     }
 
     fn take_timings(&mut self, out: &mut Vec<PassTiming>) {

@@ -14,7 +14,7 @@ use super::{
 use crate::{
     engine::{EngineError, cpu::Work},
     model::image::RadianceImage,
-    plan::Pass,
+    plan::{Pass, PassSet},
 };
 
 /// The depth's bits as an integer: drawn to, read and copied alike on every backend.
@@ -96,14 +96,20 @@ impl Exchange {
         }
     }
 
-    /// A new frame: nothing is made yet.
-    pub fn begin(&mut self) {
-        self.shadow_place = Place::Nowhere;
-        self.point_place = Place::Nowhere;
-        self.soft_place = Place::Nowhere;
-        self.object_place = Place::Nowhere;
-        self.ratio_place = Place::Nowhere;
-        self.radiance_place = Place::Nowhere;
+    /// A new frame: nothing is made yet but what is kept.
+    pub fn begin(&mut self, kept: PassSet) {
+        for (place, passes) in [
+            (&mut self.shadow_place, &[Pass::ShadowMaps][..]),
+            (&mut self.point_place, &[Pass::PointMaps]),
+            (&mut self.soft_place, &[Pass::SoftShadow]),
+            (&mut self.object_place, &[Pass::ShadeObject]),
+            (&mut self.ratio_place, &[Pass::Subtract, Pass::SubtractDisplayed, Pass::ShadeSurface]),
+            (&mut self.radiance_place, &[]),
+        ] {
+            if !passes.iter().any(|pass| kept.has(*pass)) {
+                *place = Place::Nowhere;
+            }
+        }
     }
 
     /// Brings the shadow maps to the twins.

@@ -5,7 +5,8 @@ pub mod context;
 mod exchange;
 pub mod kernel;
 pub mod kernels;
-pub mod params;
+pub mod live;
+mod params;
 mod passes;
 mod point_pages;
 mod recorder;
@@ -14,7 +15,7 @@ mod room_mesh;
 mod scene;
 mod surroundings;
 mod textures;
-mod view;
+pub(super) mod view;
 
 mod engine;
 

@@ -22,15 +22,18 @@ use super::{
     view::{self, LensDomain},
 };
 use crate::{
-    animate::posed::Posed,
     compose::{
         raster,
         shade_object::{LightTerms, Surroundings},
     },
     engine::{EngineError, RelightInput, cpu},
-    model::{picture::Picture, quality::SoftAt, scene::Scene},
+    model::{
+        picture::Picture,
+        quality::{Quality, SoftAt},
+        scene::Scene,
+    },
     nearfield::prepare::KnownRoom,
-    plan::{FramePlan, Pass},
+    plan::{Foresight, FramePlan, Pass, PassSet},
 };
 use std::sync::Arc;
 
@@ -74,6 +77,8 @@ pub struct Relighter {
     composite: Option<Composite>,
     tonemap: Option<Tonemap>,
     display: Readback,
+    /// The near lights' maps are in the twins' memory, too.
+    near_on_host: bool,
 }
 
 impl Relighter {
@@ -95,6 +100,7 @@ impl Relighter {
             composite: None,
             tonemap: None,
             display: Readback::new("display"),
+            near_on_host: false,
         }
     }
 
@@ -115,8 +121,40 @@ impl Relighter {
         }
     }
 
-    /// Draws one frame; `on_cpu` says which passes run on their twins.
+    /// Which results would come out the same.
+    pub fn foresee(
+        &mut self,
+        input: &RelightInput<'_>,
+        quality: &Quality,
+        out: &mut Foresight,
+        time: &mut dyn FnMut(Pass, &mut (dyn FnMut() + Send)),
+    ) {
+        self.twins.foresee(input, quality, out, time);
+    }
+
+    /// The passes of the last frame.
+    pub fn dispatched(&self) -> &[Pass] {
+        self.twins.held.dispatched()
+    }
+
+    /// Draws one frame; `on_cpu` says which passes run on their twins. A frame that fails leaves nothing to be kept.
     pub fn run(
+        &mut self,
+        context: &GpuContext,
+        timer: &mut Timer,
+        on_cpu: impl Fn(Pass) -> bool,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<(), EngineError> {
+        let drawn = self.draw(context, timer, on_cpu, plan, input, out);
+        if drawn.is_err() {
+            Pass::ALL.into_iter().for_each(|pass| self.twins.held.forget(pass));
+        }
+        drawn
+    }
+
+    fn draw(
         &mut self,
         context: &GpuContext,
         timer: &mut Timer,
@@ -134,27 +172,32 @@ impl Relighter {
         let exposure_s = input.shown_exposure.effective_s();
         let exposure = view::exposure_of_white(input.response, exposure_s);
         let light_params = view::light(&light, exposure);
-        if self.twins.pose(input) {
-            let objects = input.posed.map_or(&[][..], Posed::objects).iter();
-            for (_, (vertices, _)) in
-                objects.zip(&self.twins.objects.ranges).filter(|(object, _)| object.moved)
-            {
-                self.scene.moved(vertices.clone());
-            }
+        let uses = self.twins.begin(plan, input, &light);
+        self.twins.held.take_moved(|vertices| self.scene.moved(vertices));
+        let (mut runs, mut kept) = (PassSet::default(), PassSet::default());
+        for pass in uses.iter().filter(|pass| !pass.is_measuring()) {
+            let set = if self.twins.is_kept(plan, pass, uses) { &mut kept } else { &mut runs };
+            set.insert(pass);
         }
-        let shades_objects = plan.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject);
+        context.live.free_all_but(uses);
+        let shades_objects = runs.has(Pass::ShadeObject) && !on_cpu(Pass::ShadeObject);
         // Objects in a known room are lit at their vertices, here, through the maps; so those are drawn here too.
-        let maps_drawn = plan.has(Pass::PointMaps) && shades_objects;
-        if maps_drawn {
+        let draws_near = runs.has(Pass::PointMaps) || (kept.has(Pass::PointMaps) && !self.near_on_host);
+        if draws_near && shades_objects {
             timer.host(Pass::PointMaps, || self.twins.point_maps(input, quality));
+            self.near_on_host = true;
+        } else if runs.has(Pass::PointMaps) {
+            self.near_on_host = false;
         }
+        let maps_drawn = self.near_on_host;
         if shades_objects {
             self.twins.prepare_vertices(input, &camera, &light, quality);
             for vertices in self.twins.transferred.changed() {
                 self.scene.moved(vertices);
             }
         }
-        if DRAWING.iter().any(|&p| plan.has(p) && !on_cpu(p)) {
+        if DRAWING.iter().any(|&p| runs.has(p) && !on_cpu(p)) {
+            context.live.serve_the_scene();
             let cut = self.domain.cut(input.lens, &camera);
             let (objects, transferred) = (&self.twins.objects, &self.twins.transferred);
             self.scene.update(context, objects, transferred, &self.twins.surfaces, cut);
@@ -170,12 +213,13 @@ impl Relighter {
         };
 
         let (twins, exchange) = (&mut self.twins, &mut self.exchange);
-        exchange.begin();
+        exchange.begin(kept);
         out.t = input.t;
-        twins.shadows.clear();
         let mut displayed = Place::Nowhere;
         let mut recorder = Recorder::new(context, timer);
-        for pass in plan.passes.iter().map(|planned| planned.pass) {
+        for pass in runs.iter() {
+            twins.held.made(pass, uses);
+            context.live.serve(pass);
             let host = on_cpu(pass);
             let cameras = view::shadows(twins.shadows.cameras(), quality.pcf_taps);
             match pass {
@@ -191,6 +235,7 @@ impl Relighter {
                     let kernel = ready(&mut self.shadow_maps, context, ShadowMaps::new)?;
                     let maps = &mut exchange.shadow_maps;
                     kernel.run(&mut recorder, &mut self.scene, &cameras, count, maps)?;
+                    twins.held.maps_drawn(&twins.shadows);
                     exchange.shadow_place = Place::Device;
                 }
                 Pass::SoftShadow => {
@@ -227,12 +272,14 @@ impl Relighter {
                     if !maps_drawn {
                         recorder.host(pass, || twins.point_maps(input, quality));
                     }
+                    self.near_on_host = true;
                     exchange.point_place = Place::Host;
                 }
                 Pass::PointMaps => {
                     if !maps_drawn {
-                        recorder.host(pass, || twins.room.find_lights(&twins.objects, input, quality));
+                        recorder.host(pass, || twins.find_room_lights(input, quality));
                     }
+                    twins.held.near_maps_drawn(twins.room.frame.maps().cameras());
                     let kernel = ready(&mut self.point_maps, context, PointMaps::new)?;
                     let (frame, triangles) = (&twins.room.frame, twins.room.casters());
                     kernel.run(&mut recorder, frame, triangles, self.spread, &mut exchange.point_maps)?;
@@ -378,6 +425,7 @@ impl Relighter {
                 }
             }
         }
+        context.live.serve_all();
         recorder.finish(Pass::Composite)?;
         exchange.radiance_to_host(context, size, &mut out.radiance)?;
         if displayed == Place::Device {

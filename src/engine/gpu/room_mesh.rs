@@ -56,7 +56,7 @@ impl RoomMesh {
         gathered_rgb: &[[f32; 3]],
         cut: Option<Cut>,
     ) {
-        if self.uploaded == Some(cut) {
+        if self.uploaded == Some(cut) && self.mesh.is_live() {
             return;
         }
         const WEIGHTS: [[f32; 2]; 3] = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];

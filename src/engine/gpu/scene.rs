@@ -46,6 +46,11 @@ impl Mesh {
         }
     }
 
+    /// Whether what was uploaded is still there.
+    pub fn is_live(&self) -> bool {
+        self.vertices.is_live() && self.indices.is_live()
+    }
+
     /// Uploads.
     pub fn write<V: bytemuck::Pod>(&mut self, context: &GpuContext, vertices: &[V], triangles: &[[u32; 3]]) {
         self.vertices.write(context, bytemuck::cast_slice(vertices));
@@ -174,6 +179,9 @@ impl SceneBuffers {
         surfaces: &SurfaceGeometry,
         cut: Option<Cut>,
     ) {
+        if !(self.casters.is_live() && self.surfaces.is_live()) {
+            self.uploaded = None;
+        }
         let has_moved = !self.moved.is_empty();
         let is_cut_anew = self.uploaded != Some(cut);
         if self.uploaded.is_none() {

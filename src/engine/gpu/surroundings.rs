@@ -33,6 +33,12 @@ impl SurroundingsBuffers {
 
     /// Uploads what has changed; the uniform and the texture to bind.
     pub fn write(&mut self, context: &GpuContext, surroundings: &Surroundings<'_>) -> [Resource; 2] {
+        if surroundings.picture.is_none() && self.revision.is_some() {
+            self.environment.free();
+        }
+        if !self.environment.is_live() {
+            self.revision = None;
+        }
         let reflected = surroundings.reflected;
         let (spheres, triangles) = (reflected.spheres(), reflected.largest_triangles());
         let picture = surroundings.picture;

@@ -4,15 +4,19 @@ use super::{
     buffers::{Readback, whole_words},
     context::GpuContext,
     kernel::Resource,
+    live::Lease,
 };
 use crate::engine::EngineError;
+
+/// What stands in a binding that has to be filled where there is nothing to bind.
+pub const ONE_TEXEL: &str = "one texel";
 
 /// A 2D texture of one format.
 pub struct KeptTexture {
     label: &'static str,
     format: wgpu::TextureFormat,
     usage: wgpu::TextureUsages,
-    made: Option<(wgpu::Texture, wgpu::TextureView)>,
+    made: Option<(wgpu::Texture, wgpu::TextureView, Lease)>,
 }
 
 impl KeptTexture {
@@ -48,10 +52,11 @@ impl KeptTexture {
         let fits = |texture: &wgpu::Texture| {
             (texture.width(), texture.height(), texture.sample_count()) == (width, height, samples)
         };
-        if !self.made.as_ref().is_some_and(|(texture, _)| fits(texture)) {
+        if !self.made.as_ref().is_some_and(|(texture, _, lease)| fits(texture) && lease.is_live()) {
             self.made = None;
         }
-        let (_, view) = self.made.get_or_insert_with(|| {
+        let name = if (width, height) == (1, 1) { ONE_TEXEL } else { self.label };
+        let (_, view, _) = self.made.get_or_insert_with(|| {
             let texture = context.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(self.label),
                 size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
@@ -63,7 +68,8 @@ impl KeptTexture {
                 view_formats: &[],
             });
             let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-            (texture, view)
+            let lease = context.live.texture(name, &texture);
+            (texture, view, lease)
         });
         view
     }
@@ -74,8 +80,19 @@ impl KeptTexture {
         Resource::View(self.sized(context, width, height, 1).clone())
     }
 
+    /// Frees it.
+    pub fn free(&mut self) {
+        self.made = None;
+    }
+
+    /// Whether what it held is still there.
+    pub fn is_live(&self) -> bool {
+        self.made.as_ref().is_some_and(|(_, _, lease)| lease.is_live())
+    }
+
     fn size(&self) -> (u32, u32) {
-        self.made.as_ref().map_or((1, 1), |(texture, _)| (texture.width(), texture.height()))
+        let live = self.made.as_ref().filter(|(_, _, lease)| lease.is_live());
+        live.map_or((1, 1), |(texture, ..)| (texture.width(), texture.height()))
     }
 
     fn texel_bytes(&self) -> u32 {
@@ -86,7 +103,7 @@ impl KeptTexture {
     pub fn upload(&mut self, context: &GpuContext, width: u32, height: u32, texels: &[u8]) {
         self.sized(context, width, height, 1);
         let texel_bytes = self.texel_bytes();
-        if let Some((texture, _)) = &self.made {
+        if let Some((texture, ..)) = &self.made {
             context.queue.write_texture(
                 texture.as_image_copy(),
                 texels,
@@ -110,7 +127,7 @@ impl KeptTexture {
         let mut readback = Readback::new(self.label);
         let bytes = padded * height as usize;
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        if let Some((texture, _)) = &self.made {
+        if let Some((texture, ..)) = &self.made {
             encoder.copy_texture_to_buffer(
                 texture.as_image_copy(),
                 wgpu::TexelCopyBufferInfo {
@@ -142,6 +159,7 @@ struct Layers {
     texture: wgpu::Texture,
     all: wgpu::TextureView,
     each: Vec<wgpu::TextureView>,
+    lease: Lease,
 }
 
 impl KeptLayers {
@@ -158,8 +176,10 @@ impl KeptLayers {
             layers += 1;
         }
         let side = side.max(1);
-        let fits =
-            |made: &Layers| made.texture.width() == side && made.texture.depth_or_array_layers() >= layers;
+        let fits = |made: &Layers| {
+            let texture = &made.texture;
+            texture.width() == side && texture.depth_or_array_layers() >= layers && made.lease.is_live()
+        };
         if self.made.as_ref().is_some_and(fits) {
             return;
         }
@@ -190,12 +210,19 @@ impl KeptLayers {
             })
         });
         let each = each.collect();
-        self.made = Some(Layers { texture, all, each });
+        let name = if side == 1 { ONE_TEXEL } else { self.label };
+        let lease = context.live.texture(name, &texture);
+        self.made = Some(Layers { texture, all, each, lease });
+    }
+
+    /// Whether what they held is still there.
+    pub fn is_live(&self) -> bool {
+        self.made.as_ref().is_some_and(|made| made.lease.is_live())
     }
 
     /// All layers (two of one texel where it was never sized), to bind.
     pub fn bind(&mut self, context: &GpuContext) -> Option<Resource> {
-        if self.made.is_none() {
+        if !self.is_live() {
             self.sized(context, 1, 2);
         }
         self.made.as_ref().map(|made| Resource::View(made.all.clone()))

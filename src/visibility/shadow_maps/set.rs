@@ -41,6 +41,12 @@ impl ShadowMaps {
         self.cameras.clear();
     }
 
+    /// No map, and no memory for any.
+    pub fn free(&mut self) {
+        self.clear();
+        self.maps.iter_mut().for_each(|map| *map = ShadowMap::default());
+    }
+
     /// Fits a camera for each light to the casters' shadows that are seen; the filter of `taps` taps is as wide as what each
     /// light stands for asks. A light is skipped (its camera is `None`, nothing blocks it, it has no map and costs nothing)
     /// where there is no caster, and where no receiver is seen that it shines on behind or among the casters.

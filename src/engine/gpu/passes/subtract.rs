@@ -266,7 +266,7 @@ impl Subtract {
 
     /// The room's own maps under its suns, once a room.
     fn upload_room_maps(&mut self, context: &GpuContext, suns: &SunShadows) {
-        if std::mem::replace(&mut self.has_room_maps, true) {
+        if std::mem::replace(&mut self.has_room_maps, true) && self.room_maps.is_live() {
             return;
         }
         let maps = || (0..suns.len()).filter_map(|k| suns.get(k)).map(|(_, maps)| maps);
