@@ -380,3 +380,6 @@ struct Course<'a> {
     mirrors: u32,
     from_camera: bool,
 }
+
+#[cfg(test)]
+mod tests;
