@@ -195,13 +195,16 @@ fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec
                 sine_squared = min(sphere.w * sphere.w / square, 1.0);
             }
             let cosine = sqrt(1.0 - sine_squared);
-            // Too small to hide anything: its ramp would still be as wide as the step between directions.
-            if sine_squared <= SMALLEST_CAP * (1.0 + cosine) {
+            let q = sine_squared / (1.0 + cosine);
+            if q <= SMALLEST_CAP {
                 continue;
             }
             let slope = 1.0 / (soft.softness.x * max(sqrt(sine_squared), soft.softness.y));
-            let threshold = vec4<f32>(cosine * slope + 0.5);
-            let along = slope * axis;
+            // Caps narrower than the ramp hide their own solid angle in the mean.
+            let e = 0.5 / slope;
+            let share = select(1.0, 4.0 * q * e / ((q + e) * (q + e)), q < e);
+            let threshold = vec4<f32>(1.0 - share + share * (cosine * slope + 0.5));
+            let along = share * slope * axis;
             a *= clamp(threshold - (along.x * ax + along.y * ay + along.z * az), vec4<f32>(0.0), vec4<f32>(1.0));
             b *= clamp(threshold - (along.x * bx + along.y * by + along.z * bz), vec4<f32>(0.0), vec4<f32>(1.0));
         }

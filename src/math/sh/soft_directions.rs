@@ -47,6 +47,23 @@ impl<T: Real, const L: usize> Ramp<T, L> {
         }
     }
 
+    /// The same for caps narrower than the ramp itself, q = 1 - cosine of the half angle: thinned so that they hide their own
+    /// solid angle in the mean. The ramp hides (q + e)^2 / (4 e) for q below e = h sin max(s, h/2) / 2, where its
+    /// peak is below 1: a quarter of e for no cap at all. From e on (half angles above about h/sqrt 2) nothing changes.
+    #[inline(always)]
+    pub fn thinned(mut self, q: Lane<T, L>) -> Self {
+        let one = Lane::splat(T::one());
+        let share = q.zip(self.slope, |q, slope| {
+            let e = T::of(0.5) / slope;
+            let both = q + e;
+            if q < e { T::of(4.0) * q * e / (both * both) } else { T::one() }
+        });
+        self.scaled_axis = self.scaled_axis.map(|v| v * share);
+        self.threshold = one - share + share * self.threshold;
+        self.slope = self.slope * share;
+        self
+    }
+
     /// How much of a direction each receiver sees, 0 to 1.
     #[inline(always)]
     pub fn at(&self, direction: [T; 3]) -> Lane<T, L> {

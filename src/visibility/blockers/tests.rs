@@ -218,3 +218,25 @@ fn settings_are_taken_into_their_ranges() {
     basis::evaluate(1, [0.0, 0.0, 1.0], &mut y);
     assert!((sum - 4.0 * PI * y[0]).abs() < 1e-5);
 }
+
+/// However narrow the cap, fixed directions hide its own solid angle in the mean over where it stands.
+#[test]
+fn fixed_directions_hide_small_caps_in_the_mean() {
+    for (count, half_angle_deg, most) in
+        [(128, 0.5, 0.05), (128, 3.0, 0.05), (64, 6.0, 0.05), (128, 12.0, 0.06)]
+    {
+        let half_angle = f32::to_radians(half_angle_deg);
+        let (mut sum, places) = (0.0f64, 400);
+        for k in 0..places {
+            let z = (k as f32 + 0.5) / places as f32;
+            let (sin, cos) = (2.399_963 * k as f32).sin_cos();
+            let axis = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let blockers =
+                of(&[sphere((3.0 * axis).to_array(), 3.0 * half_angle.sin())], Rung::Directions, 4, count);
+            sum += f64::from(1.0 - at_origin(&blockers)[0] / whole());
+        }
+        let (found, want) = (sum / f64::from(places), 0.5 * (1.0 - f64::from(half_angle).cos()));
+        println!("{half_angle_deg} degrees, {count} directions: {found:.3e} for {want:.3e}");
+        assert!((found / want - 1.0).abs() < most, "{half_angle_deg} degrees: {found:e} for {want:e}");
+    }
+}

@@ -92,8 +92,11 @@ impl SoftShadow {
         blockers.shader_terms(&mut self.blocker_terms);
         let is_directed = blockers.rung() == Rung::Directions;
         let order = blockers.order();
-        let has_tables = self.tables.is_live() && self.tables_order == Some(order);
-        let tables = if is_directed || has_tables {
+        // A freed buffer comes back empty, also where the rung reads nothing of it.
+        if !self.tables.is_live() {
+            self.tables_order = None;
+        }
+        let tables = if is_directed || self.tables_order == Some(order) {
             self.tables.bind(context, size_of::<BlockerTables>())
         } else {
             blockers.shader_tables(&mut self.blocker_tables);
