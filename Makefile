@@ -3,6 +3,8 @@
 BUILD_PACKAGES := build-essential pkg-config
 GPU_PACKAGES := libvulkan1 mesa-vulkan-drivers libegl1 libegl-mesa0 libgles2 libgl1-mesa-dri
 FILM_PACKAGES := ffmpeg
+# Only for the test of the page that `halflight tradeoff` writes.
+BROWSER_PACKAGES := chromium
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 HALFLIGHT := target/release/halflight
 
@@ -12,13 +14,19 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures docs test bench lint tools-build tools-gpu tools-film release clean-out
+.PHONY: help demo demo-real figures tradeoff presets docs test bench lint tools-build tools-gpu tools-film tools-browser release
+
+# What the front of error against time is measured on: all bundled scenes.
+SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
+	tests/recordings/room.mcap@tests/scenes/room.toml
 
 help:
 	@echo "make demo       build, replay the bundled recordings, leave pictures and reports in out/ and out/room/"
 	@echo "make demo-real  the same on real photographs (needs the shared test data)"
 	@echo "make figures    the light in its halves, every part of a picture, the accuracy ladder, as sheets in out/figures"
-	@echo "make docs       the tables and pictures in docs/ that the program makes itself"
+	@echo "make tradeoff   what accuracy costs in time on the bundled scenes: a page in out/tradeoff"
+	@echo "make presets    the presets, measured anew on this machine (then build again)"
+	@echo "make docs       the plots and tables of docs/, made anew"
 	@echo "make test       everything that needs no GPU hardware"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
@@ -28,6 +36,9 @@ tools-build:
 
 tools-gpu:
 	$(call install,$(GPU_PACKAGES))
+
+tools-browser:
+	$(call install,$(BROWSER_PACKAGES))
 
 tools-film:
 	$(call install,$(FILM_PACKAGES))
@@ -42,15 +53,27 @@ demo: release tools-film
 figures: release
 	$(HALFLIGHT) figures tests/recordings/desk.mcap --scene tests/scenes/desk.toml --scene tests/scenes/walker.toml --out out/figures
 
-docs: release tools-gpu
-	$(HALFLIGHT) stress --all --markdown docs/stability.md
-
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real
 
-test: tools-build tools-gpu
+test: tools-build tools-gpu tools-browser
 	cargo build --release --locked
 	REQUIRE_RELEASE=1 cargo test --locked --no-fail-fast
+
+tradeoff: release
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --quick --out out/tradeoff
+
+presets: release
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --out out/presets
+	cp out/presets/front.json src/config/front.json
+
+# Pictures and tables of docs/ that come from the bundled scenes, made anew.
+docs: release tools-gpu
+	$(HALFLIGHT) stress --all --markdown docs/stability.md
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --out out/docs
+	cp out/docs/walker_in_desk.svg docs/tradeoff_walker.svg
+	cp out/docs/desk_in_desk.svg docs/tradeoff_desk.svg
+	cp out/docs/room_in_room.svg docs/tradeoff_room.svg
 
 bench: tools-gpu tools-build
 	cargo bench --locked --bench ratios

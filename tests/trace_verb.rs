@@ -4,7 +4,10 @@
 mod support;
 
 use halflight::assets::{case, pictures, scene};
-use halflight::cli::{render, trace::of_still};
+use halflight::cli::{
+    render,
+    trace::{LightOf, of_still},
+};
 use halflight::engine::cpu::CpuEngine;
 use halflight::math::color::gray;
 use halflight::model::{image::RadianceImage, quality::Quality};
@@ -56,7 +59,7 @@ fn both(folder: &Folder, light: &str, how: &TraceSettings) -> (RadianceImage, Tr
     let mut engine = CpuEngine::new(None).unwrap();
     let still = render::of_scene(&file, &mut engine, &quality, &mut Vec::new()).unwrap();
     let drawn = still.draw(&mut engine, &quality, Some(1.0), 0).unwrap();
-    let scene = of_still(&file, &still, &quality).unwrap();
+    let scene = of_still(LightOf::File(&file), &still, &quality).unwrap();
     (drawn.radiance, trace(&scene, how, &|_| ()).unwrap())
 }
 
@@ -153,7 +156,8 @@ fn a_room_named_in_a_scene_is_the_room_of_the_case() {
     let mut engine = CpuEngine::new(None).unwrap();
     let still = render::of_scene(&file, &mut engine, &quality, &mut Vec::new()).unwrap();
     let how = TraceSettings { step_px: 8, ..settings(128) };
-    let from_scene = trace(&of_still(&file, &still, &quality).unwrap(), &how, &|_| ()).unwrap().without();
+    let from_scene =
+        trace(&of_still(LightOf::File(&file), &still, &quality).unwrap(), &how, &|_| ()).unwrap().without();
     let from_case = trace(&case.trace_scene(Some("noobj")).unwrap(), &how, &|_| ()).unwrap().without();
     // The same numbers meet the same bodies; the case's have their faces cut along the other diagonal in places.
     let (mut squares, mut sum) = (0.0f64, 0.0);

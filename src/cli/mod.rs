@@ -8,6 +8,7 @@ pub mod explain;
 pub mod figures;
 pub mod hdr;
 pub mod light;
+mod moment;
 pub mod quality_flags;
 pub mod record;
 pub mod render;
@@ -19,6 +20,7 @@ pub mod stress;
 pub mod synth;
 pub mod tags;
 pub mod trace;
+pub mod tradeoff;
 
 pub use common::{CliError, Common};
 use std::process::ExitCode;
@@ -64,6 +66,8 @@ pub enum Verb {
     Synth(synth::Arguments),
     /// Do an experiment of the papers again: table and plot.
     Reproduce(reproduce::Arguments),
+    /// Measure what accuracy costs in time: plots, a page, and the front that presets are points of.
+    Tradeoff(tradeoff::Arguments),
     /// Run the hard cases: what the textbook's formulas give, what this program gives, and the bound.
     Stress(stress::Arguments),
     /// Check a configuration file; prints all mistakes at once.
@@ -90,6 +94,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode, CliError> {
         Verb::Room(a) => room::run(a, common),
         Verb::Synth(a) => synth::run(a, common),
         Verb::Reproduce(a) => reproduce::run(a, common),
+        Verb::Tradeoff(a) => tradeoff::run(a, common),
         Verb::Check(a) => check::run(a, common),
         Verb::Devices(a) => devices::run(a, common),
     };

@@ -1,13 +1,20 @@
 //! Flags for every accuracy setting; what each may be stands in the table of keys.
 
 use super::CliError;
-use crate::config::{keys::KEYS, settings::Settings};
+use crate::config::{keys::KEYS, presets, settings::Settings};
 use toml::Value;
 
 /// Accuracy against time. Each flag is a key of the settings file and wins over it; `halflight check --manual` says more.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Accuracy against time")]
 pub struct QualityFlags {
+    /// A point of the measured front of error against time: draft, balanced, fine or reference. The other flags win over
+    /// it.
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// The measured front: bundled, or a file front.json that `halflight tradeoff` wrote [default: bundled].
+    #[arg(long, value_name = "FILE")]
+    pub front: Option<String>,
     /// SH order of the light: 2 to 6 [default: 4].
     #[arg(long, value_name = "N")]
     pub sh_order: Option<i64>,
@@ -70,6 +77,8 @@ impl QualityFlags {
         let whole = |value: Option<i64>| value.map(Value::Integer);
         let word = |value: &Option<String>| value.clone().map(Value::String);
         let given = [
+            ("--front", "quality.front", word(&self.front)),
+            ("--preset", "quality.preset", word(&self.preset)),
             ("--sh-order", "light.order", whole(self.sh_order)),
             ("--split", "light.split", word(&self.split)),
             ("--lights", "light.lights", whole(self.lights)),
@@ -96,6 +105,11 @@ impl QualityFlags {
                 return Err(CliError(format!("{flag} = {shown}: must be {}", key.range.describe())));
             }
             (key.write)(settings, &value);
+            if let ("--preset", Some(preset)) = (flag, &self.preset) {
+                let front = settings.front.clone();
+                presets::apply(preset, &front, settings)
+                    .map_err(|e| CliError(format!("--preset = {preset}: {e}")))?;
+            }
         }
         Ok(())
     }
@@ -108,6 +122,8 @@ mod tests {
     #[test]
     fn every_flag_reaches_its_setting() {
         let flags = QualityFlags {
+            preset: Some("none".into()),
+            front: Some("here.json".into()),
             sh_order: Some(6),
             split: Some("paper".into()),
             lights: Some(2),
@@ -129,6 +145,7 @@ mod tests {
         flags.apply(&mut settings).unwrap();
         let before = Settings::default().quality;
         let quality = settings.quality;
+        assert_eq!(settings.front, "here.json");
         assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert_eq!((quality.lights, quality.spheres), (2, 12));
@@ -146,5 +163,7 @@ mod tests {
         assert!(rung.contains("--rung = ladder") && rung.contains("\"hybrid\""), "{rung}");
         let order = refused(QualityFlags { sh_order: Some(7), ..QualityFlags::default() });
         assert!(order.contains("--sh-order = 7") && order.contains("2..=6"), "{order}");
+        let preset = refused(QualityFlags { preset: Some("best".into()), ..QualityFlags::default() });
+        assert!(preset.contains("--preset = best") && preset.contains("\"balanced\""), "{preset}");
     }
 }

@@ -1,5 +1,8 @@
 //! The one table of keys: name, unit, range, effect, and where the value goes.
 
+use super::presets::PRESET_NAMES;
+pub use super::range::Range;
+use super::range::real;
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
@@ -8,72 +11,6 @@ use crate::model::{
     quality::{Effects, NearForm, SelfShadow, SoftAt, SplitKind},
 };
 use toml::Value;
-
-/// What a key may hold.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Range {
-    /// An integer from min to max.
-    Integer(i64, i64),
-    /// One of these integers.
-    IntegerChoice(&'static [i64]),
-    /// A number from min to max.
-    Real(f64, f64),
-    /// 1 to 9 numbers, each from min to max.
-    Reals(f64, f64),
-    /// One of these words.
-    Choice(&'static [&'static str]),
-    /// Any text.
-    Text,
-    /// A list of words out of these.
-    Words(&'static [&'static str]),
-    /// true or false.
-    Switch,
-}
-
-impl Range {
-    /// In words, as after "must be".
-    pub fn describe(&self) -> String {
-        match self {
-            Self::Integer(min, max) => format!("an integer within {min}..={max}"),
-            Self::IntegerChoice(list) => {
-                format!("one of {}", list.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
-            }
-            Self::Real(min, max) => format!("a number within {min}..={max}"),
-            Self::Reals(min, max) => format!("a list of 1 to 9 numbers, each within {min}..={max}"),
-            Self::Choice(list) => format!("one of {}", quoted(list)),
-            Self::Text => "a text".into(),
-            Self::Words(list) => format!("a list of words out of {}", quoted(list)),
-            Self::Switch => "true or false".into(),
-        }
-    }
-
-    /// Whether a value fits.
-    pub fn admits(&self, value: &Value) -> bool {
-        match self {
-            Self::Integer(min, max) => value.as_integer().is_some_and(|v| (*min..=*max).contains(&v)),
-            Self::IntegerChoice(list) => value.as_integer().is_some_and(|v| list.contains(&v)),
-            Self::Real(min, max) => real(value).is_some_and(|v| (*min..=*max).contains(&v)),
-            Self::Reals(min, max) => value.as_array().is_some_and(|list| {
-                (1..=9).contains(&list.len())
-                    && list.iter().all(|v| real(v).is_some_and(|v| (*min..=*max).contains(&v)))
-            }),
-            Self::Choice(list) => value.as_str().is_some_and(|v| list.contains(&v)),
-            Self::Text => value.is_str(),
-            Self::Words(list) => value
-                .as_array()
-                .is_some_and(|words| words.iter().all(|v| v.as_str().is_some_and(|v| list.contains(&v)))),
-            Self::Switch => value.is_bool(),
-        }
-    }
-}
-
-fn quoted(list: &[&str]) -> String {
-    list.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
-}
-
-fn real(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|v| v as f64)).filter(|v| v.is_finite())
-}
 
 /// One key.
 pub struct Key {
@@ -116,6 +53,10 @@ fn number(value: &Value) -> f64 {
 
 fn text(value: &Value) -> String {
     value.as_str().unwrap_or_default().to_owned()
+}
+
+fn optional(number: Option<f64>) -> Value {
+    number.map_or(Value::Boolean(false), Value::Float)
 }
 
 fn texts(words: &[String]) -> Value {
@@ -326,6 +267,46 @@ pub const KEYS: &[Key] = &[
         "Scene file with virtual objects and real surfaces; empty = only the surface z = 0 and no objects.",
         |s| word(&s.scene_file),
         |s, v| s.scene_file = text(v)
+    ),
+    key!(
+        "quality.preset",
+        "",
+        Range::Choice(&PRESET_NAMES),
+        "A point of the measured front of error against time (quality.front): draft is the cheapest, reference the most accurate; balanced takes away half of what lies between their errors, fine nine tenths. Keys that are typed too win over it. none: no preset.",
+        |s| word(&s.preset),
+        |s, v| s.preset = text(v)
+    ),
+    key!(
+        "quality.front",
+        "",
+        Range::Text,
+        "The measured front: \"bundled\", or a file front.json that `halflight tradeoff` wrote, for example on the device itself.",
+        |s| word(&s.front),
+        |s, v| s.front = text(v)
+    ),
+    key!(
+        "quality.budget_ms",
+        "ms",
+        Range::Optional(0.1, 10_000.0),
+        "A frame may take so long, from the camera's picture to the shown one: the governor walks along the front to the settings that err least within it, and corrects what it knows of their cost by every frame.",
+        |s| optional(s.budget_ms),
+        |s, v| s.budget_ms = real(v)
+    ),
+    key!(
+        "quality.target_fps",
+        "pictures/s",
+        Range::Optional(0.1, 1000.0),
+        "The same as a rate. With both, the shorter time counts.",
+        |s| optional(s.target_fps),
+        |s, v| s.target_fps = real(v)
+    ),
+    key!(
+        "quality.max_error",
+        "",
+        Range::Optional(0.000_1, 10.0),
+        "The error of shadows may be so large (relative RMSE, as measured for the front): the cheapest settings of the front that keep it; with a budget, no more accuracy than this is bought.",
+        |s| optional(s.max_error),
+        |s, v| s.max_error = real(v)
     ),
     key!(
         "quality.brackets",

@@ -5,6 +5,8 @@ pub mod file;
 pub mod keys;
 pub mod live;
 pub mod manual;
+pub mod presets;
+pub mod range;
 pub mod resolve;
 pub mod settings;
 

@@ -3,6 +3,7 @@
 use super::{
     file,
     keys::{KEYS, Key},
+    presets,
     settings::Settings,
 };
 use crate::math::edit_distance::nearest;
@@ -17,6 +18,16 @@ pub struct ConfigErrors(pub Vec<String>);
 pub fn resolve(name: &str, typed: &Table, base: &Settings) -> Result<Settings, ConfigErrors> {
     let mut settings = base.clone();
     let mut errors = Vec::new();
+    // A preset is the ground that single keys are typed over.
+    let of = |key: &str| {
+        file::flatten(typed).into_iter().find(|(name, _)| name == key).and_then(|(_, v)| v.as_str())
+    };
+    if let Some(preset) = of("quality.preset").filter(|p| presets::PRESET_NAMES.contains(p)) {
+        let front = of("quality.front").unwrap_or(&base.front);
+        if let Err(error) = presets::apply(preset, front, &mut settings) {
+            errors.push(format!("{name}: quality.preset = \"{preset}\": {error}"));
+        }
+    }
     for (key_name, value) in file::flatten(typed) {
         match KEYS.iter().find(|key| key.name == key_name) {
             Some(key) if key.range.admits(value) => (key.write)(&mut settings, value),

@@ -47,7 +47,17 @@ pub struct Settings {
     pub scene_file: String,
     /// `output.pictures`; empty = none.
     pub pictures_folder: String,
-    /// The keys of `quality.*`, `light.order`, `light.split`, `light.lights` and `light.dering`.
+    /// `quality.preset`; what it sets is in `quality` already.
+    pub preset: String,
+    /// `quality.front`
+    pub front: String,
+    /// `quality.budget_ms`
+    pub budget_ms: Option<f64>,
+    /// `quality.target_fps`
+    pub target_fps: Option<f64>,
+    /// `quality.max_error`
+    pub max_error: Option<f64>,
+    /// The other keys of `quality.*`, `light.order`, `light.split`, `light.lights` and `light.dering`.
     pub quality: Quality,
 }
 
@@ -113,6 +123,11 @@ impl Default for Settings {
             hud: false,
             scene_file: String::new(),
             pictures_folder: String::new(),
+            preset: "none".into(),
+            front: "bundled".into(),
+            budget_ms: None,
+            target_fps: None,
+            max_error: None,
             quality: Quality::default(),
         }
     }

@@ -1,6 +1,6 @@
 //! Follows the settings file while the daemon runs: what is typed there takes effect on the next frame.
 
-use super::{blocker_spheres, run::options_of, vertex_transfer};
+use super::{blocker_spheres, governing::governor_of, run::options_of, vertex_transfer};
 use crate::config::{live::take_over, settings::Settings};
 use crate::model::{frame::Exposure, quality::Quality, scene::Scene};
 use crate::pipeline::{Change, event::Event, feed::Feed};
@@ -60,9 +60,16 @@ impl LiveSettings {
             tracing::info!("{key} has changed");
         }
         let of_the_scene = taken.live.iter().any(|key| OF_THE_SCENE.contains(key));
+        // Other settings of accuracy are another ground for the front.
+        let governed = taken.live.iter().any(|key| key.starts_with("quality."));
+        let govern = governed.then(|| governor_of(&self.current)).transpose().unwrap_or_else(|mistake| {
+            tracing::warn!("the governor stays as it is: {mistake}");
+            None
+        });
         (!taken.live.is_empty()).then(|| Change {
             options: options_of(&self.current, cycle),
             dress: of_the_scene.then_some(dress as fn(&mut Scene, &Quality)),
+            govern,
         })
     }
 }

@@ -3,6 +3,7 @@
 pub mod blocker_spheres;
 pub mod cache_folder;
 pub mod engines;
+mod governing;
 pub mod known_room;
 pub mod live_settings;
 pub mod picture_folder;

@@ -1,7 +1,9 @@
 //! Runs the pipeline as the settings say.
 
 use super::{
-    blocker_spheres, engines, known_room,
+    blocker_spheres, engines,
+    governing::governor_of,
+    known_room,
     live_settings::{LiveSettings, Watched},
     picture_folder::PictureFolder,
     vertex_transfer,
@@ -55,6 +57,7 @@ pub fn prepare(settings: &Settings) -> Result<Prepared, PipelineError> {
     if let Some(room) = room {
         pipeline = pipeline.in_room(room);
     }
+    let pipeline = pipeline.governed(governor_of(settings)?);
     Ok(Prepared { source, pipeline, engine: description, cycle })
 }
 

@@ -4,7 +4,7 @@ use crate::model::{
     estimate::{LightEstimate, PoseEstimate},
     time::Timestamp,
 };
-use crate::plan::PassTiming;
+use crate::plan::{PassTiming, governor::Choice};
 
 /// What the viewer got.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +72,8 @@ pub struct FrameOutcome {
     pub shown: Shown,
     /// Wall time of each stage, milliseconds, in the order of `Stage::ALL`.
     pub stage_ms: [f32; Stage::ALL.len()],
+    /// What the governor has chosen for the next frame, where there is one.
+    pub choice: Option<Choice>,
 }
 
 /// Times of all passes of a run.

@@ -28,7 +28,7 @@ use crate::model::{
     scene::Scene,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::plan::{FramePlan, PassTiming};
+use crate::plan::{FramePlan, PassTiming, governor::Governor};
 use frame::{FrameOutcome, Shown, Stage};
 use lighting::Lighting;
 use presenting::Presenting;
@@ -85,13 +85,15 @@ pub struct Options {
 }
 
 /// Settings that have changed while the pipeline runs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Change {
     /// All of them; those of the tracker and of the exposures are not looked at.
     pub options: Options,
     /// Gives the scene's bodies what they carry with them (spheres, transfer) anew, where that depends on what has
     /// changed.
     pub dress: Option<fn(&mut Scene, &Quality)>,
+    /// The governor from now on: `None` leaves it as it is, `Some(None)` sends it away.
+    pub govern: Option<Option<Governor>>,
 }
 
 /// What the last picture was drawn from, besides its pose and its light.
@@ -109,6 +111,8 @@ pub struct DrawnFrom<'a> {
     pub shown_exposure: Exposure,
     /// The light as it was measured last, world frame.
     pub samples: &'a RadianceSamples,
+    /// The known room that the scene stands in.
+    pub room: Option<&'a Arc<KnownRoom>>,
 }
 
 /// One camera's way from frame to picture.
@@ -124,6 +128,7 @@ pub struct Pipeline {
     newest_passes: Vec<PassTiming>,
     passes: Vec<PassTiming>,
     frames_done: u64,
+    governor: Option<Governor>,
     /// Nobody asks for pose and light themselves.
     only_pictures: bool,
 }
@@ -155,8 +160,24 @@ impl Pipeline {
             newest_passes: Vec::new(),
             passes: Vec::new(),
             frames_done: 0,
+            governor: None,
             only_pictures: false,
         })
+    }
+
+    /// Lets a governor choose the settings of accuracy from the first frame on.
+    pub fn governed(mut self, governor: Option<Governor>) -> Self {
+        self.governor = governor;
+        self.obey();
+        self
+    }
+
+    /// Takes the settings that the governor has chosen. They change nothing that the scene's bodies carry with them.
+    fn obey(&mut self) {
+        let Some(governor) = &self.governor else { return };
+        self.options.quality = governor.step().quality;
+        self.lighting.retune(&self.options);
+        self.presenting.retune(&self.options);
     }
 
     /// The known room that the scene stands in (`Scene::room`); the engine has been given it. Objects are lit by it then,
@@ -184,7 +205,7 @@ impl Pipeline {
     /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
     /// scene stay; light of another order is measured anew. Fails where the engine cannot take the scene.
     pub fn change(&mut self, change: Change) -> Result<(), PipelineError> {
-        let Change { options, dress } = change;
+        let Change { options, dress, govern } = change;
         self.options = options;
         self.lighting.retune(&options);
         self.presenting.retune(&options);
@@ -193,6 +214,10 @@ impl Pipeline {
             self.engine.load_scene(self.presenting.scene())?;
         }
         self.lighting.want(Wanted::by(self.presenting.scene(), options.quality.sh_order));
+        if let Some(governor) = govern {
+            self.governor = governor;
+        }
+        self.obey();
         Ok(())
     }
 
@@ -212,7 +237,9 @@ impl Pipeline {
             stage_ms[Stage::Frame as usize] = ms;
             let shown = Shown::PassedThrough("nothing virtual to draw");
             let (sequence, t) = (frame.sequence, frame.t_mid);
-            return Ok(FrameOutcome { sequence, t, pose: None, light: None, shown, stage_ms });
+            // Nothing is drawn that the governor could learn from.
+            let choice = self.governor.as_ref().map(Governor::choice);
+            return Ok(FrameOutcome { sequence, t, pose: None, light: None, shown, stage_ms, choice });
         }
         let pose = self.tracker.track(frame)?;
         let tracked = self.watch.now();
@@ -272,7 +299,34 @@ impl Pipeline {
         self.engine.take_timings(&mut self.newest_passes);
         self.passes.append(&mut self.newest_passes);
         self.frames_done += 1;
-        Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms })
+        let drawing_ms = stage_ms[Stage::Relight as usize];
+        let choice = self.governor.as_mut().map(|governor| {
+            let changed = governor.frame(done, drawing_ms, stage_ms[Stage::Frame as usize] - drawing_ms);
+            (changed, governor.choice())
+        });
+        if let Some((true, choice)) = &choice {
+            self.obey();
+            tracing::info!(
+                step = choice.step,
+                of = choice.of,
+                expected_error = choice.expected_error,
+                expected_ms = choice.expected_ms,
+                measured_ms = choice.measured_ms,
+                "the governor changes the settings"
+            );
+        }
+        let choice = choice.map(|(_, choice)| choice);
+        if let Some(choice) = choice.filter(|_| self.options.hud) {
+            self.note(format_args!(
+                "governor: step {} of {}, expected error {:.3}, expected {:.1} ms, measured {:.1} ms",
+                choice.step + 1,
+                choice.of,
+                choice.expected_error,
+                choice.expected_ms,
+                choice.measured_ms
+            ));
+        }
+        Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms, choice })
     }
 
     /// The last picture.
@@ -300,6 +354,7 @@ impl Pipeline {
             response: &self.response,
             shown_exposure: self.presenting.shown_exposure(),
             samples: self.engine.measured_samples(),
+            room: self.presenting.room(),
         }
     }
 

@@ -72,6 +72,11 @@ impl Presenting {
         self.room = Some(RoomLight::new(room));
     }
 
+    /// The known room that the scene stands in.
+    pub fn room(&self) -> Option<&Arc<KnownRoom>> {
+        self.room.as_ref().map(RoomLight::known)
+    }
+
     /// Whether the scene's light comes from a known room.
     pub fn has_room(&self) -> bool {
         self.room.is_some()

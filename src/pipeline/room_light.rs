@@ -44,6 +44,11 @@ impl RoomLight {
         }
     }
 
+    /// The room.
+    pub fn known(&self) -> &Arc<KnownRoom> {
+        &self.known
+    }
+
     /// Light at a place (world frame, metres).
     pub fn lights_at(&self, point_world: Vec3) -> Lights {
         objects::lights_at(&self.known, &self.surfaces, point_world)

@@ -2,9 +2,12 @@
 //! exactly this list. What was decided on each effect, what that saves and what it can cost stands beside it.
 
 pub mod bounds;
+pub mod cost;
 pub mod decision;
 pub mod effects;
 pub mod foresight;
+pub mod front;
+pub mod governor;
 mod view_cone;
 pub mod work;
 

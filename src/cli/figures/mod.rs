@@ -2,35 +2,16 @@
 
 mod sheet;
 
-use super::{
-    CliError, Common,
-    render::{Quantity, Still},
-};
+use super::{CliError, Common, moment::Moment, render::Still};
 use crate::assets::pictures;
-use crate::config::settings::{RunMode, Settings};
-use crate::daemon::run::prepare;
-use crate::device::{Truth, clock::ManualClock};
+use crate::config::settings::Settings;
 use crate::engine::Engine;
-use crate::light::{
-    halve::{HalveOptions, halve_still, halve_still_with_rest},
-    prefilter::Prefilter,
-    split::SplitOptions,
-};
 use crate::model::{
     blocker::Rung,
-    environment::EnvironmentPicture,
-    estimate::LightEstimate,
-    frame::RawFrame,
     image::{Image, RadianceImage, Rgb8Image},
     light::Lights,
-    picture::{Picture, PictureView},
+    picture::PictureView,
     quality::{Quality, SplitKind},
-};
-use crate::pipeline::{
-    PipelineError,
-    event::{FrameSink, run as run_events},
-    feed::Lockstep,
-    frame::FrameOutcome,
 };
 use sheet::Sheet;
 use std::path::{Path, PathBuf};
@@ -63,8 +44,10 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let mut written = Vec::new();
     for scene in &arguments.scene {
         let stem = scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
-        let moment = Moment::of(&arguments, scene, common)?;
-        let mut artist = Artist { engine: engine.as_mut(), crop: Crop::default(), moment: &moment };
+        let moment = moment_of(&arguments, scene, common)?;
+        let quality = Quality { soft_step_px: 2, directions: 256, shadow_maps: 16, ..Quality::default() };
+        // Figures need not hurry.
+        let mut artist = Artist { engine: engine.as_mut(), crop: Crop::default(), moment: &moment, quality };
         artist.crop = artist.find_crop()?;
         let sheets = [
             ("light", artist.light()?),
@@ -88,104 +71,21 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     Ok(())
 }
 
-/// One frame of a recording, with all that it is drawn from.
-struct Moment {
-    still: Still,
-    estimate: LightEstimate,
-    above_horizon: bool,
-    quality: Quality,
-}
-
-/// Keeps the newest frame that had objects in it.
-#[derive(Default)]
-struct Newest(Option<FrameOutcome>);
-
-impl FrameSink for Newest {
-    fn accept(
-        &mut self,
-        _: &RawFrame,
-        _: Option<&Truth>,
-        outcome: &FrameOutcome,
-        _: &Picture,
-    ) -> Result<bool, PipelineError> {
-        self.0 = Some(outcome.clone());
-        Ok(true)
+/// The moment that the arguments name, with one of their scenes.
+fn moment_of(arguments: &Arguments, scene: &Path, common: &Common) -> Result<Moment, CliError> {
+    let mut settings = Settings::default();
+    common.apply(&mut settings);
+    let name = &arguments.recording;
+    settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
+    settings.scene_file = scene.display().to_string();
+    let moment = Moment::of(&settings, arguments.frame)?;
+    if moment.still.room.is_some() {
+        return Err(CliError::on(
+            scene.display(),
+            "[room]: must be left out here: the figures show the halves of far light",
+        ));
     }
-}
-
-impl Moment {
-    fn of(arguments: &Arguments, scene: &Path, common: &Common) -> Result<Self, CliError> {
-        let mut settings = Settings::default();
-        common.apply(&mut settings);
-        let name = &arguments.recording;
-        settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
-        settings.mode = RunMode::Lockstep;
-        settings.scene_file = scene.display().to_string();
-        let failed = |e: PipelineError| CliError(e.to_string());
-        let mut prepared = prepare(&settings).map_err(failed)?;
-        if prepared.pipeline.drawn_from().scene.room.is_some() {
-            return Err(CliError::on(
-                scene.display(),
-                "[room]: must be left out here: the figures show the halves of far light",
-            ));
-        }
-        let (mut clock, mut newest) = (ManualClock::default(), Newest::default());
-        let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
-        run_events(&mut feed, &mut prepared.pipeline, &mut newest, arguments.frame).map_err(failed)?;
-        let (Some(pose), Some(estimate)) =
-            newest.0.map_or((None, None), |outcome| (outcome.pose, outcome.light))
-        else {
-            return Err(CliError(format!(
-                "--frame = {}: pose and light of {name} are not known there; must be a later frame, or a recording \
-                 with a tag and a ball",
-                arguments.frame
-            )));
-        };
-        let from = prepared.pipeline.drawn_from();
-        let still = Still {
-            scene: from.scene.clone(),
-            lens: *from.lens,
-            world_from_camera: pose.world_from_camera,
-            light: estimate.lights,
-            background: from.background.clone(),
-            response: from.response.clone(),
-            exposure_s: Some(from.shown_exposure.effective_s()),
-            quantity: Quantity::Radiance,
-            room: None,
-            view: PictureView::Final,
-            samples: from.samples.clone(),
-            environment: None,
-        };
-        // Figures need not hurry.
-        let quality = Quality { soft_step_px: 2, directions: 256, shadow_maps: 16, ..settings.quality };
-        Ok(Self { still, estimate, above_horizon: settings.ball_on_surface, quality })
-    }
-
-    /// The light of the moment, halved for other settings.
-    fn halved(&self, quality: &Quality) -> Lights {
-        halve_still(&self.still.samples, &self.estimate.total, self.halve_options(quality))
-    }
-
-    /// What mirrors and sharp gloss see then.
-    fn environment(&self, quality: &Quality) -> EnvironmentPicture {
-        let samples = &self.still.samples;
-        let (_, left) = halve_still_with_rest(samples, &self.estimate.total, self.halve_options(quality));
-        let (mut work, mut picture) = (Prefilter::default(), EnvironmentPicture::default());
-        work.see(samples, 1.0, &mut picture);
-        work.levels(left.as_ref(), &mut picture);
-        picture
-    }
-
-    fn halve_options(&self, quality: &Quality) -> HalveOptions {
-        HalveOptions {
-            kind: quality.split,
-            lights: quality.lights,
-            shadow_maps: quality.shadow_maps,
-            net_flux: SplitOptions::default(),
-            above_horizon: self.above_horizon,
-            dering: quality.dering,
-        }
-    }
+    Ok(moment)
 }
 
 /// The part of the picture that figures show.
@@ -214,6 +114,7 @@ struct Artist<'a> {
     engine: &'a mut dyn Engine,
     crop: Crop,
     moment: &'a Moment,
+    quality: Quality,
 }
 
 /// Ratios above are not counted in errors of shadows, as spec 4b has it.
@@ -240,7 +141,7 @@ impl Artist<'_> {
 
     /// Where objects and their shadows are, with a margin, 4:3 where it fits.
     fn find_crop(&mut self) -> Result<Crop, CliError> {
-        let quality = self.moment.quality;
+        let quality = self.quality;
         let light = self.moment.halved(&quality);
         let drawn = self.draw(PictureView::Final, &light, &quality)?.radiance;
         let plain = &self.moment.still.background.radiance;
@@ -275,7 +176,7 @@ impl Artist<'_> {
         let mut sheet =
             Sheet::new("light: as measured, all of it in SH / hard half, soft half (blue: negative)", 2);
         for kind in [SplitKind::Compact, SplitKind::Paper, SplitKind::Bounded, SplitKind::Sh] {
-            let quality = Quality { split: kind, ..self.moment.quality };
+            let quality = Quality { split: kind, ..self.quality };
             let light = self.moment.halved(&quality);
             let picture = self.draw(PictureView::Light, &light, &quality)?.display;
             sheet.add(
@@ -288,7 +189,7 @@ impl Artist<'_> {
 
     /// Every part of the picture.
     fn parts(&mut self) -> Result<Sheet, CliError> {
-        let quality = self.moment.quality;
+        let quality = self.quality;
         let mut sheet = Sheet::new("a picture and its parts", 3);
         for (view, caption) in [
             (PictureView::Direct, "direct: the hard half"),
@@ -305,7 +206,7 @@ impl Artist<'_> {
 
     /// Every material.
     fn materials(&mut self) -> Result<Sheet, CliError> {
-        let quality = self.moment.quality;
+        let quality = self.quality;
         let mut sheet = Sheet::new("materials", 3);
         for view in [PictureView::Lambert, PictureView::Phong, PictureView::Mirror] {
             sheet.add(view.name(), self.view(view, &quality)?);
@@ -319,7 +220,7 @@ impl Artist<'_> {
         let mut sheet = Sheet::new("shadow maps: picture, cast shadows, maps", counts.len());
         for view in [PictureView::Final, PictureView::Cast, PictureView::Maps] {
             for shadow_maps in counts {
-                let quality = Quality { shadow_maps, ..self.moment.quality };
+                let quality = Quality { shadow_maps, ..self.quality };
                 let picture = match view {
                     PictureView::Maps => {
                         let light = self.moment.halved(&quality);
@@ -338,7 +239,7 @@ impl Artist<'_> {
 
     /// Soft cast shadows by every rung, against 256 directions; all light is soft here, so that there is much to see.
     fn ladder(&mut self) -> Result<Sheet, CliError> {
-        let soft = Quality { split: SplitKind::Sh, dering: true, ..self.moment.quality };
+        let soft = Quality { split: SplitKind::Sh, dering: true, ..self.quality };
         let exact = Quality { rung: Rung::Directions, directions: 256, ..soft };
         let light = self.moment.halved(&exact);
         let truth = self.draw(PictureView::Cast, &light, &exact)?;

@@ -8,8 +8,10 @@ mod scene_still;
 mod still;
 
 pub use compare::{Comparison, MaskError, ShadowError, compare};
+pub(super) use scene_still::middle_of;
 pub use scene_still::of_scene;
-pub use still::{Drawn, Quantity, Still, default_image, of_case};
+pub(super) use still::halve_options;
+pub use still::{CaseStills, Drawn, Quantity, Still, default_image, of_case};
 
 use super::{CliError, Common, quality_flags::QualityFlags};
 use crate::assets::{case, pictures, scene};

@@ -172,7 +172,7 @@ pub fn of_scene(
 }
 
 /// The middle of all virtual objects.
-fn middle_of(scene: &Scene) -> Vec3 {
+pub(in crate::cli) fn middle_of(scene: &Scene) -> Vec3 {
     let posed = Posed::new(scene);
     let points = posed.objects().iter().flat_map(|o| &o.positions_world).filter(|p| p.is_finite());
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);

@@ -25,7 +25,7 @@ use crate::plan::{FramePlan, PassTiming};
 use std::sync::Arc;
 
 /// How a still's light is halved.
-pub(super) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
+pub(in crate::cli) fn halve_options(quality: &Quality, above_horizon: bool) -> HalveOptions {
     HalveOptions {
         kind: quality.split,
         lights: quality.lights,
@@ -110,48 +110,77 @@ pub fn default_image(case: &Case) -> Result<String, CliError> {
 
 /// The still of one image of a case.
 pub fn of_case(case: &Case, image: &str, quality: &Quality) -> Result<Still, CliError> {
-    let file = |e: crate::assets::error::AssetError| CliError(e.to_string());
-    if case.image(image).map_err(file)?.is_mask() {
-        return Err(CliError(format!(
-            "--image = {image}: is a mask; must be one of the pictures of {}",
-            case.file.display()
-        )));
+    CaseStills::new(case, image)?.still(quality)
+}
+
+/// What all stills of one image of a case share, whatever their settings.
+pub struct CaseStills<'a> {
+    case: &'a Case,
+    sources: Vec<case_light::Source>,
+    scene: Scene,
+    background: HdrImage,
+    room: Option<Arc<KnownRoom>>,
+    quantity: Quantity,
+}
+
+impl<'a> CaseStills<'a> {
+    /// Of an image of a case, which must be a picture.
+    pub fn new(case: &'a Case, image: &str) -> Result<Self, CliError> {
+        let file = |e: crate::assets::error::AssetError| CliError(e.to_string());
+        if case.image(image).map_err(file)?.is_mask() {
+            return Err(CliError(format!(
+                "--image = {image}: is a mask; must be one of the pictures of {}",
+                case.file.display()
+            )));
+        }
+        let mut scene = case.scene(Some(image)).map_err(file)?;
+        let emitters = case.emitters(Some(image)).map_err(file)?;
+        let sources = case_light::sources(case, &emitters)?;
+        let background = background::shade(case, &scene, &sources);
+        let room = case_room::prepare(case, &emitters, &mut scene)?;
+        let quantity = if image == "ratio" {
+            Quantity::Ratio
+        } else if image.starts_with("diff_") {
+            Quantity::Difference
+        } else {
+            Quantity::Radiance
+        };
+        Ok(Self { case, sources, scene, background, room, quantity })
     }
-    let mut scene = case.scene(Some(image)).map_err(file)?;
-    blocker_spheres::fit(&mut scene, quality.spheres);
-    vertex_transfer::bake(&mut scene, quality);
-    let emitters = case.emitters(Some(image)).map_err(file)?;
-    let sources = case_light::sources(case, &emitters)?;
-    let (light, left) = case_light::split_for_objects(case, &scene, &sources, quality)?;
-    let environment =
-        case_light::picture_for_objects(case, &scene, &sources, left.as_ref(), quality.sh_order);
-    let background = background::shade(case, &scene, &sources);
-    let room = case_room::prepare(case, &emitters, &mut scene)?;
-    let light = if room.is_some() { Lights::soft(light.global) } else { light };
-    let quantity = if image == "ratio" {
-        Quantity::Ratio
-    } else if image.starts_with("diff_") {
-        Quantity::Difference
-    } else {
-        Quantity::Radiance
-    };
-    Ok(Still {
-        scene,
-        lens: case.lens,
-        world_from_camera: case.world_from_camera,
-        light,
-        environment,
-        background,
-        response: Response::srgb(),
-        exposure_s: None,
-        quantity,
-        room,
-        view: PictureView::Final,
-        samples: RadianceSamples::default(),
-    })
+
+    /// With these settings.
+    pub fn still(&self, quality: &Quality) -> Result<Still, CliError> {
+        let Self { case, sources, background, room, .. } = self;
+        let mut scene = self.scene.clone();
+        blocker_spheres::fit(&mut scene, quality.spheres);
+        vertex_transfer::bake(&mut scene, quality);
+        let (light, left) = case_light::split_for_objects(case, &scene, sources, quality)?;
+        let environment =
+            case_light::picture_for_objects(case, &scene, sources, left.as_ref(), quality.sh_order);
+        let light = if room.is_some() { Lights::soft(light.global) } else { light };
+        Ok(Still {
+            scene,
+            lens: case.lens,
+            world_from_camera: case.world_from_camera,
+            light,
+            environment,
+            background: background.clone(),
+            response: Response::srgb(),
+            exposure_s: None,
+            quantity: self.quantity,
+            room: room.clone(),
+            view: PictureView::Final,
+            samples: RadianceSamples::default(),
+        })
+    }
 }
 
 impl Still {
+    /// Exposure of its 8-bit picture where none is asked for, seconds.
+    pub fn shown_exposure_s(&self) -> f64 {
+        self.exposure_s.unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance))
+    }
+
     /// Draws it. Exposure in seconds for the 8-bit picture; `None` takes the still's own, else puts nine tenths
     /// of the place below 0.8.
     /// Drawn `repeat` times more, each pass is reported with its median time.
@@ -166,8 +195,7 @@ impl Still {
         engine.load_room(self.room.clone()).map_err(failed)?;
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
-        let time_s =
-            exposure_s.or(self.exposure_s).unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance));
+        let time_s = exposure_s.unwrap_or_else(|| self.shown_exposure_s());
         let posed = Posed::new(&self.scene);
         let input = RelightInput {
             background: &self.background,

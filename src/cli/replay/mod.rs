@@ -7,7 +7,10 @@ pub mod statistics;
 
 use super::{CliError, Common, common::PixelDigest, quality_flags::QualityFlags};
 use crate::assets::pictures;
-use crate::config::settings::{RunMode, Settings};
+use crate::config::{
+    keys::KEYS,
+    settings::{RunMode, Settings},
+};
 use crate::daemon::run::{prepare, run as run_prepared};
 use crate::device::Truth;
 use crate::model::{frame::RawFrame, picture::Picture};
@@ -53,6 +56,15 @@ pub struct Arguments {
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
+    /// A frame may take so long, milliseconds: the governor walks along the measured front to the settings that err least.
+    #[arg(long, value_name = "MS")]
+    budget_ms: Option<f64>,
+    /// The same as a rate, pictures a second.
+    #[arg(long, value_name = "FPS")]
+    target_fps: Option<f64>,
+    /// The error of shadows may be so large: the cheapest settings of the front that keep it.
+    #[arg(long, value_name = "ERROR")]
+    max_error: Option<f64>,
     #[command(flatten)]
     quality: QualityFlags,
 }
@@ -126,6 +138,17 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
         settings.scene_file = scene.display().to_string();
     }
     arguments.quality.apply(&mut settings)?;
+    for (flag, key, value) in [
+        ("--budget-ms", "quality.budget_ms", arguments.budget_ms),
+        ("--target-fps", "quality.target_fps", arguments.target_fps),
+        ("--max-error", "quality.max_error", arguments.max_error),
+    ] {
+        let (Some(value), Some(key)) = (value, KEYS.iter().find(|k| k.name == key)) else { continue };
+        if !key.range.admits(&value.into()) {
+            return Err(CliError(format!("{flag} = {value}: must be {} {}", key.range.describe(), key.unit)));
+        }
+        (key.write)(&mut settings, &value.into());
+    }
     Ok(settings)
 }
 

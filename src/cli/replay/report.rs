@@ -83,8 +83,19 @@ impl Report {
                 "position_error": with_unit(after_warm_up(&self.frames, |f| f.position_error_mm), "mm"),
                 "rotation_error": with_unit(after_warm_up(&self.frames, |f| f.rotation_error_deg), "deg"),
             },
+            "governor": self.governor(),
             "digest": self.digest,
         })
+    }
+
+    /// What the governor did; null without one.
+    fn governor(&self) -> Option<Value> {
+        let last = self.frames.iter().rev().find_map(|f| f.choice)?;
+        let steps: Vec<usize> = self.frames.iter().filter_map(|f| f.choice.map(|c| c.step)).collect();
+        Some(json!({
+            "step": last.step, "of": last.of, "changes": last.changes, "expected_error": last.expected_error,
+            "expected_ms": last.expected_ms, "measured_ms": last.measured_ms, "steps": steps,
+        }))
     }
 
     fn pass_spreads(&self) -> Vec<(&'static str, Spread)> {
@@ -118,6 +129,18 @@ impl Report {
         }
         for (name, spread) in self.pass_spreads() {
             let _ = writeln!(out, "  {:<24}{:>12.2}{:>12.2}", name, spread.median, spread.p95);
+        }
+        if let Some(choice) = self.frames.iter().rev().find_map(|f| f.choice) {
+            let _ = writeln!(
+                out,
+                "\ngovernor: step {} of {} after {} changes; expected error {:.3}, expected {:.1} ms, last measured {:.1} ms",
+                choice.step + 1,
+                choice.of,
+                choice.changes,
+                choice.expected_error,
+                choice.expected_ms,
+                choice.measured_ms
+            );
         }
         let _ = writeln!(out, "\npasses of the last picture");
         for planned in &self.last_plan.passes {

@@ -4,6 +4,7 @@ use crate::device::Truth;
 use crate::light::split::{SplitOptions, split};
 use crate::model::{estimate::Provenance, light::RadianceSh};
 use crate::pipeline::frame::{FrameOutcome, Stage};
+use crate::plan::governor::Choice;
 use glam::DVec3;
 use serde_json::{Value, json};
 
@@ -27,12 +28,14 @@ pub struct FrameNumbers {
     pub irradiance_error_rgb: Option<[f64; 3]>,
     /// Milliseconds of each stage.
     pub stage_ms: [f32; Stage::ALL.len()],
+    /// What the governor has chosen after it.
+    pub choice: Option<Choice>,
 }
 
 impl FrameNumbers {
     /// Measures one frame.
     pub fn of(outcome: &FrameOutcome, truth: Option<&Truth>) -> Self {
-        let mut numbers = Self { stage_ms: outcome.stage_ms, ..Self::default() };
+        let mut numbers = Self { stage_ms: outcome.stage_ms, choice: outcome.choice, ..Self::default() };
         if let Some(pose) = &outcome.pose {
             numbers.pose_measured = pose.provenance == Provenance::Measured;
             if let Some(truth) = truth {

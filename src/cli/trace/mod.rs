@@ -2,7 +2,7 @@
 
 mod scene;
 
-pub use scene::of_still;
+pub use scene::{LightOf, of_still};
 
 use super::{CliError, Common, common::PixelDigest, render};
 use crate::assets::{case, pictures, scene as scene_file};
@@ -114,7 +114,7 @@ pub fn subject(
         let quality = Quality::default();
         let mut engine = common.open_engine()?;
         let still = render::of_scene(&file, engine.as_mut(), &quality, notes)?;
-        let scene = of_still(&file, &still, &quality)?;
+        let scene = of_still(LightOf::File(&file), &still, &quality)?;
         let has_picture = file.camera.as_ref().is_some_and(|camera| !camera.pictures.files.is_empty());
         return Ok(Subject { scene, place: has_picture.then_some(still.background.radiance) });
     }

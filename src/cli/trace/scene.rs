@@ -20,14 +20,23 @@ use glam::{DMat3, Mat3, Vec3};
 /// Texels a side of an environment picture that is not equirectangular, before it is made so.
 const OCTAHEDRAL_SIDE: usize = 1024;
 
-/// The scene of a still, `still` being what `render::of_scene` made of the file. Objects are at time 0. What is not known
+/// Where a still's light comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum LightOf<'a> {
+    /// A scene file, which says it.
+    File(&'a SceneFile),
+    /// A moment of a recording: as it was measured, `Still::samples`.
+    Samples,
+}
+
+/// The scene of a still, `still` being what `render::of_scene` made of the file, or a moment of a recording. Objects are at time 0. What is not known
 /// of real surfaces: their albedo is `reference::UNKNOWN_ALBEDO`, and objects get from them what the environment shows in
 /// their direction, as in the product. `quality` has the norm of Phong lobes.
 ///
 /// # Errors
 /// An environment picture that cannot be loaded.
 pub fn of_still(
-    file: &SceneFile,
+    file: LightOf<'_>,
     still: &Still,
     quality: &crate::model::quality::Quality,
 ) -> Result<TraceScene, CliError> {
@@ -37,7 +46,11 @@ pub fn of_still(
     for (object, posed) in still.scene.objects.iter().zip(posed.objects()) {
         scene.objects.push(TraceBody::of_object(object, &posed.positions_world, &posed.normals_world));
     }
-    light(file, &still.samples, &mut scene)?;
+    match file {
+        LightOf::File(file) => light(file, &still.samples, &mut scene)?,
+        LightOf::Samples if still.room.is_some() => {}
+        LightOf::Samples => scene.environment = measured(&still.samples),
+    }
     let shows_light = matches!(scene.environment, Environment::Picture { .. } | Environment::Constant(_));
     for surface in &still.scene.surfaces {
         let mut body = TraceBody::of_surface(surface);
@@ -62,11 +75,7 @@ fn light(file: &SceneFile, samples: &RadianceSamples, scene: &mut TraceScene) ->
                 irradiance_rgb,
             }));
         }
-        LightSource::Ball(_) => {
-            let mut picture = EnvironmentPicture::default();
-            Prefilter::default().see(samples, 1.0, &mut picture);
-            scene.environment = equirect(&picture.all);
-        }
+        LightSource::Ball(_) => scene.environment = measured(samples),
         LightSource::File { file, layout, y_up, rotation_deg } => {
             let radiance = pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr.radiance;
             let world_from_map: DMat3 =
@@ -82,6 +91,13 @@ fn light(file: &SceneFile, samples: &RadianceSamples, scene: &mut TraceScene) ->
         }
     }
     Ok(())
+}
+
+/// Light as it was measured from a ball.
+fn measured(samples: &RadianceSamples) -> Environment {
+    let mut picture = EnvironmentPicture::default();
+    Prefilter::default().see(samples, 1.0, &mut picture);
+    equirect(&picture.all)
 }
 
 /// The same in equirectangular texels, about as fine.
