@@ -10,6 +10,9 @@ pub const MOST_TRIANGLES: usize = 500;
 /// A stand-in leaves its object's surface by no more than this share of the object's size.
 const MOST_ERROR: f32 = 0.02;
 
+/// Vertices nearer to each other than this share of the way that they are moved are at one place.
+const SAME_PLACE: f32 = 1e-3;
+
 /// Stand-ins of all objects of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Proxies {
@@ -63,12 +66,13 @@ impl Proxies {
             } else {
                 own
             };
-            proxies.add(&kept, lost_m);
+            proxies.add(positions, &kept, lost_m);
         }
         proxies
     }
 
-    fn add(&mut self, indices: &[u32], out_m: f32) {
+    /// Vertices of one place are moved together, by all that meets there: the slivers between them alone may look inwards.
+    fn add(&mut self, positions: &[Vec3], indices: &[u32], out_m: f32) {
         let first = self.used.len();
         let mut sorted = indices.to_vec();
         sorted.sort_unstable();
@@ -76,11 +80,13 @@ impl Proxies {
         let place = |i: &u32| (first + sorted.binary_search(i).unwrap_or(0)) as u32;
         let begin = self.triangles.len() as u32;
         self.triangles.extend(indices.as_chunks::<3>().0.iter().map(|t| t.each_ref().map(place)));
-        for vertex in first..first + sorted.len() {
+        let at = |i: u32| positions.get(i as usize).copied().unwrap_or(Vec3::NAN);
+        for &vertex in &sorted {
             let from = self.around.len() as u32;
             if out_m > 0.0 {
-                let own = (begin..).zip(&self.triangles[begin as usize..]);
-                self.around.extend(own.filter(|(_, t)| t.contains(&(vertex as u32))).map(|(k, _)| k));
+                let own = (begin..).zip(indices.as_chunks::<3>().0);
+                let meets = |i: &u32| *i == vertex || at(*i).distance(at(vertex)) < SAME_PLACE * out_m;
+                self.around.extend(own.filter(|(_, t)| t.iter().any(meets)).map(|(k, _)| k));
             }
             self.out.push((out_m, [from, self.around.len() as u32]));
         }
