@@ -70,8 +70,8 @@ impl Moment {
         let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
         run_events(&mut feed, &mut prepared.pipeline, &mut newest, frame).map_err(failed)?;
         let from = prepared.pipeline.drawn_from();
-        let pose = newest.outcome.as_ref().and_then(|o| o.pose.clone());
-        let light = newest.outcome.as_ref().and_then(|o| o.light.clone());
+        let pose = newest.outcome.as_ref().and_then(|o| o.pose);
+        let light = newest.outcome.as_ref().and_then(|o| o.light);
         let (Some(pose), true) = (pose, light.is_some() || from.room.is_some()) else {
             return Err(CliError(format!(
                 "--frame = {frame}: pose and light of {} are not known there; must be a later frame, or a recording \

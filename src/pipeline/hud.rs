@@ -54,7 +54,7 @@ impl Hud {
         for d in &plan.decisions {
             let _ = write!(self.text, "{:<4} {:<17} ", d.verdict.name(), d.effect.name());
             let _ = match d.error_bound {
-                bound if bound == 0.0 => write!(self.text, "     0"),
+                0.0 => write!(self.text, "     0"),
                 bound if bound.is_finite() => write!(self.text, "{:>5.1}%", 100.0 * bound),
                 _ => write!(self.text, "     -"),
             };

@@ -60,6 +60,12 @@ pub struct LiveList {
     owner: AtomicUsize,
 }
 
+impl Default for LiveList {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl LiveList {
     /// Nothing.
     pub fn new() -> Self {
