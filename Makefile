@@ -65,21 +65,21 @@ tradeoff: release
 	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --quick --out out/tradeoff
 
 presets: release
-	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 256 --tries 100 --rounds 5 --out out/presets
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 128 --tries 60 --rounds 5 --out out/presets
 	cp out/presets/front.json src/config/front.json
 
 # Pictures and tables of docs/ that come from the bundled scenes, made anew.
 docs: release tools-gpu
 	$(HALFLIGHT) stress --all --markdown docs/stability.md
-	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 256 --tries 100 --rounds 5 --out out/docs
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 128 --tries 60 --rounds 5 --out out/docs
 	cp out/docs/walker_in_desk.svg docs/tradeoff_walker.svg
 	cp out/docs/desk_in_desk.svg docs/tradeoff_desk.svg
 	cp out/docs/room_in_room.svg docs/tradeoff_room.svg
 	{ printf '# Only the effects that a scene calls for\n\nWhat `halflight explain` says of the bundled scenes; made by `make docs`. '; \
 	printf 'Savings are in millions of units of work, by orders of magnitude; the bound is the largest change of any pixel as a share of what it shows '; \
 	printf 'with nothing in the way of the light.\n'; \
-	for scene in $(EXPLAINED); do printf '\n## `halflight explain %s`\n\n```\n' "$$scene"; \
-	$(HALFLIGHT) explain $$(echo $$scene | sed 's/@/ --scene /') --config tests/scenes/room-settings.toml || exit 1; printf '```\n'; done; } > docs/effects.md
+	for scene in $(EXPLAINED); do printf '\n## `halflight explain %s`\n\n```\n' "$$(echo $$scene | sed 's/@/ --scene /')"; \
+	$(HALFLIGHT) explain $$(echo $$scene | sed 's/@/ --scene /') --config tests/scenes/room-settings.toml 2>/dev/null || exit 1; printf '```\n'; done; } > docs/effects.md
 
 bench: tools-gpu tools-build
 	cargo bench --locked --bench ratios

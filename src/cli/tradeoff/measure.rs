@@ -4,7 +4,7 @@
 use super::{
     axes::Point,
     errors::{Errors, errors, shown},
-    subject::Subject,
+    subject::{Shot, Subject},
 };
 use crate::cli::CliError;
 use crate::config::Settings;
@@ -44,6 +44,7 @@ pub fn measure(
     let mut out = Vec::with_capacity(points.len());
     for some in points.chunks(TOGETHER) {
         let shots = subject.shots(some, base, engine)?;
+        let (some, shots): (Vec<Point>, Vec<Shot>) = shots.into_iter().unzip();
         let mut times: Vec<BTreeMap<usize, (String, Vec<f32>)>> = vec![BTreeMap::new(); some.len()];
         let mut totals: Vec<Vec<f32>> = vec![Vec::new(); some.len()];
         let mut pictures = Vec::new();

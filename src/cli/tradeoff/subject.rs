@@ -144,13 +144,24 @@ impl Subject {
         }
     }
 
-    /// The stills of some points.
+    /// The stills of some points, each with its point. Points whose settings leave a recording without pose or light have
+    /// none. What was warned of when the subject was opened is not said again.
     pub fn shots(
         &self,
         points: &[Point],
         base: &Settings,
         engine: &mut dyn Engine,
-    ) -> Result<Vec<Shot>, CliError> {
+    ) -> Result<Vec<(Point, Shot)>, CliError> {
+        let quiet = tracing::subscriber::NoSubscriber::default();
+        tracing::subscriber::with_default(quiet, || self.shots_of(points, base, engine))
+    }
+
+    fn shots_of(
+        &self,
+        points: &[Point],
+        base: &Settings,
+        engine: &mut dyn Engine,
+    ) -> Result<Vec<(Point, Shot)>, CliError> {
         let case_stills = match &self.source {
             Source::Case { case, image } => Some(CaseStills::new(case, image)?),
             _ => None,
@@ -177,7 +188,7 @@ impl Subject {
                 (Source::Moment { settings: own, frame, .. }, _) if point.is_of_recording() => {
                     let mut own = (**own).clone();
                     point.put_over(&mut own)?;
-                    let moment = Moment::of(&own, *frame)?;
+                    let Ok(moment) = Moment::of(&own, *frame) else { continue };
                     Shot { still: moment.still(quality), before: before(&moment) }
                 }
                 (Source::Moment { moment, settings: own, .. }, _) => {
@@ -196,7 +207,7 @@ impl Subject {
                     Shot { still, before: before(moment) }
                 }
             };
-            shots.push(shot);
+            shots.push((point.clone(), shot));
         }
         Ok(shots)
     }
