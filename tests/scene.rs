@@ -112,7 +112,8 @@ fn every_key_is_understood() {
 fn a_room_is_understood() {
     let room = parse(Path::new("folder/all.toml"), EVERY_KEY).unwrap().room.unwrap();
     assert_eq!(room.file, Path::new("folder/room.glb"));
-    let RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } = &room.light
+    let RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun, rows: None } =
+        &room.light
     else {
         panic!("{:?}", room.light)
     };

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     light::maps::MapAxes,
-    model::light::EnvironmentMap,
+    model::{
+        image::RadianceImage,
+        light::{EnvironmentMap, MapLayout},
+    },
     nearfield::{
         error::RoomError,
         prepare::{CameraPicture, KnownRoom, LitRoom, RoomLight, subdivision},
@@ -31,6 +34,25 @@ pub struct ReadyRoom {
     pub notes: Vec<String>,
     /// Whether all that rays find came from the cache.
     pub from_cache: bool,
+}
+
+/// A picture of about so many rows, each texel the mean of a whole number of texels a side, such that its width and its faces
+/// are divided evenly; as it is where nothing does.
+fn reduced(picture: RadianceImage, layout: MapLayout, rows: Option<usize>) -> RadianceImage {
+    let (width, height) = (picture.width(), picture.height());
+    let face_rows = if layout == MapLayout::Cube { height / 6 } else { height };
+    let most = rows.map_or(1, |rows| height / rows.max(1));
+    let fits = |step: &usize| width.is_multiple_of(*step) && face_rows.is_multiple_of(*step);
+    let Some(step) = (2..=most).rev().find(fits) else { return picture };
+    let mut out = RadianceImage::filled(width / step, height / step, [0.0; 3]);
+    let share = 1.0 / (step * step) as f32;
+    for y in 0..height / step * step {
+        for (x, texel) in picture.row(y).iter().enumerate() {
+            let sum = out.at_mut(x / step, y / step);
+            sum.iter_mut().zip(texel).for_each(|(s, t)| *s += share * t);
+        }
+    }
+    out
 }
 
 /// Loads a room and its probe's picture and prepares it (`nearfield::prepare`). `camera`: a linear picture of the room without
@@ -68,9 +90,9 @@ pub fn make_ready_with(
     let mapped;
     let (light, share) = match &source.light {
         RoomLightSource::Given => (RoomLight::Given, 0.0),
-        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun } => {
-            let map =
-                EnvironmentMap { layout: *layout, radiance: pictures::load_radiance(file)?.hdr.radiance };
+        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun, rows } => {
+            let radiance = reduced(pictures::load_radiance(file)?.hdr.radiance, *layout, *rows);
+            let map = EnvironmentMap { layout: *layout, radiance };
             let probe = Probe {
                 map: &map,
                 world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
@@ -97,4 +119,28 @@ pub fn make_ready_with(
         ));
     }
     Ok(ReadyRoom { known, soundness, notes, from_cache })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reduced_probe_keeps_its_mean_and_its_faces() {
+        let pixels = (0..24 * 12).map(|i| [i as f32, 1.0, 0.0]).collect();
+        let picture = RadianceImage::from_pixels(24, 12, pixels).unwrap();
+        let size = |layout, rows| {
+            let small = reduced(picture.clone(), layout, rows);
+            let mean =
+                small.pixels().iter().map(|p| f64::from(p[0])).sum::<f64>() / small.pixels().len() as f64;
+            assert!((mean - 143.5).abs() < 1e-3, "{mean}");
+            (small.width(), small.height())
+        };
+        assert_eq!(size(MapLayout::Equirect, None), (24, 12));
+        assert_eq!(size(MapLayout::Equirect, Some(100)), (24, 12));
+        assert_eq!(size(MapLayout::Equirect, Some(3)), (6, 3));
+        // 12 / 5 = 2 texels a side; faces of a cube are 2 rows high and cannot be reduced further.
+        assert_eq!(size(MapLayout::Equirect, Some(5)), (12, 6));
+        assert_eq!(size(MapLayout::Cube, Some(1)), (12, 6));
+    }
 }

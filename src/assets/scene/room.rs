@@ -36,11 +36,14 @@ pub enum RoomLightSource {
         position_world: Vec3,
         /// Whether small strong lights become suns.
         factor_sun: bool,
+        /// Rows that its picture is reduced to, about; `None`: as it is.
+        rows: Option<usize>,
     },
 }
 
 /// Keys that speak of a probe.
-const PROBE_KEYS: [&str; 6] = ["probe", "probe_position", "layout", "up", "rotation_deg", "sun"];
+const PROBE_KEYS: [&str; 7] =
+    ["probe", "probe_position", "layout", "up", "rotation_deg", "sun", "probe_rows"];
 
 /// `[room]`
 pub fn room(section: &Section<'_>, folder: &Path) -> Option<RoomSource> {
@@ -56,6 +59,9 @@ pub fn room(section: &Section<'_>, folder: &Path) -> Option<RoomSource> {
     let position = section.point("probe_position");
     let (layout, y_up, rotation_deg) = super::rig::map_keys(section);
     let factor_sun = section.switch("sun", true);
+    let rows = section.read("probe_rows", "a whole number within 8..=16384", |v| {
+        v.as_integer().filter(|rows| (8..=16384).contains(rows)).map(|rows| rows as usize)
+    });
     let light = if is_probe {
         for key in ["probe", "probe_position"] {
             if !section.has(key) {
@@ -69,6 +75,7 @@ pub fn room(section: &Section<'_>, folder: &Path) -> Option<RoomSource> {
             rotation_deg,
             position_world: position.as_vec3(),
             factor_sun,
+            rows,
         })
     } else {
         for key in PROBE_KEYS.into_iter().filter(|key| section.has(key)) {

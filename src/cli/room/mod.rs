@@ -184,6 +184,7 @@ fn source_of(arguments: &Arguments) -> Result<RoomSource, CliError> {
             rotation_deg: 0.0,
             position_world: point(at, "--at")?,
             factor_sun: !arguments.no_sun,
+            rows: None,
         },
         _ => RoomLightSource::Given,
     };

@@ -1,9 +1,9 @@
 //! The settings of accuracy that are tried, and what they are tried with.
 
 use super::measure::Measured;
+use crate::assets::scene::{RoomLightSource, RoomSource};
 use crate::cli::CliError;
 use crate::config::{keys::KEYS, settings::Settings};
-use crate::nearfield::prepare::RoomSettings;
 use std::collections::BTreeMap;
 use toml::Value;
 
@@ -47,7 +47,7 @@ const fn axis(key: &'static str, called_for_by: CalledForBy, joint: bool, values
 }
 
 /// All of them.
-pub const AXES: [Axis; 18] = [
+pub const AXES: [Axis; 19] = [
     axis("light.order", FarLight, false, &[I(2), I(3), I(4), I(5), I(6)]),
     axis("light.split", FarLight, false, &[W("sh"), W("paper"), W("bounded"), W("compact")]),
     axis("light.lights", FarLight, false, &[I(1), I(2), I(3), I(4)]),
@@ -73,6 +73,7 @@ pub const AXES: [Axis; 18] = [
     axis("quality.coverage_samples", Any, true, &[I(1), I(4)]),
     axis("room.power_share", Room, false, &[F(0.3), F(0.5), F(0.7), F(0.9), F(1.0)]),
     axis("room.patch_m", Room, false, &[F(0.6), F(0.4), F(0.3), F(0.2), F(0.15)]),
+    axis("room.probe_rows", Room, false, &[I(16), I(32), I(64), I(128)]),
     axis("quality.brackets", Recording, false, &[I(1), I(2), I(3)]),
     axis("quality.light_every", Recording, false, &[I(8), I(4), I(2), I(1)]),
     axis("track.decimate", Recording, false, &[I(4), I(2), I(1)]),
@@ -164,13 +165,22 @@ impl Point {
         Ok(())
     }
 
-    /// Puts what it says of rooms over a room's settings; whether it says anything.
-    pub fn put_over_room(&self, room: &mut RoomSettings) -> bool {
+    /// Whether it says anything of how rooms are prepared.
+    pub fn is_of_room(&self) -> bool {
+        AXES.iter().any(|a| a.is_of_room() && self.0.contains_key(a.key))
+    }
+
+    /// Puts what it says of rooms over a scene's room.
+    pub fn put_over_room(&self, room: &mut RoomSource) {
         let number = |key| self.0.get(key).and_then(Value::as_float).map(|v| v as f32);
         let (share, patch) = (number("room.power_share"), number("room.patch_m"));
-        room.preparation.power_share = share.unwrap_or(room.preparation.power_share);
-        room.patch_m = patch.or(room.patch_m);
-        share.is_some() || patch.is_some()
+        room.settings.preparation.power_share = share.unwrap_or(room.settings.preparation.power_share);
+        room.settings.patch_m = patch.or(room.settings.patch_m);
+        if let (Some(asked), RoomLightSource::Probe { rows, .. }) =
+            (self.0.get("room.probe_rows").and_then(Value::as_integer), &mut room.light)
+        {
+            *rows = usize::try_from(asked).ok();
+        }
     }
 
     /// Whether frames go through the pipeline differently: all but the drawing.

@@ -16,7 +16,6 @@ use crate::config::Settings;
 use crate::daemon::known_room;
 use crate::engine::Engine;
 use crate::model::response::Response;
-use crate::nearfield::prepare::RoomSettings;
 use crate::pipeline::frame::Stage;
 use std::path::{Path, PathBuf};
 
@@ -171,7 +170,6 @@ impl Subject {
             let mut settings = base.clone();
             point.put_over(&mut settings)?;
             let quality = &settings.quality;
-            let mut room = RoomSettings::default();
             let shot = match (&self.source, &case_stills) {
                 (Source::Case { .. }, Some(stills)) => {
                     Shot { still: stills.still(quality)?, before: Vec::new() }
@@ -180,7 +178,7 @@ impl Subject {
                 (Source::Scene(file), _) => {
                     let mut file = file.clone();
                     if let Some(source) = &mut file.room {
-                        point.put_over_room(&mut source.settings);
+                        point.put_over_room(source);
                     }
                     let still = of_scene(&file, engine, quality, &mut Vec::new())?;
                     Shot { still, before: Vec::new() }
@@ -193,11 +191,11 @@ impl Subject {
                 }
                 (Source::Moment { moment, settings: own, .. }, _) => {
                     let mut still = moment.still(quality);
-                    if point.put_over_room(&mut room) {
+                    if point.is_of_room() {
                         let mut file =
                             scene::load(Path::new(&own.scene_file)).map_err(|e| CliError(e.to_string()))?;
                         if let Some(source) = &mut file.room {
-                            point.put_over_room(&mut source.settings);
+                            point.put_over_room(source);
                         }
                         let mut place = file.scene.clone();
                         still.room =
