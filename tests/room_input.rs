@@ -189,6 +189,7 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
             rotation_deg: 0.0,
             position_world: Vec3::new(0.0, 0.0, z),
             factor_sun: true,
+            rows: None,
         };
         let source = RoomSource { file: room_file.clone(), light, settings: RoomSettings::default() };
         make_ready(&source, None, &|_| ()).map(|r| r.known.report.probe.unwrap()).map_err(|e| e.to_string())
