@@ -11,6 +11,7 @@ use crate::device::{Truth, clock::ManualClock};
 use crate::light::{
     halve::{HalveOptions, halve_still, halve_still_with_rest},
     prefilter::Prefilter,
+    project_sh::project_sh,
 };
 use crate::model::{
     environment::EnvironmentPicture,
@@ -103,18 +104,29 @@ impl Moment {
         Ok(Self { still, total, above_horizon: settings.ball_on_surface, stage_ms })
     }
 
+    /// A still whose light was measured, as a moment; `None` where there is nothing that its light could be halved from anew.
+    pub fn of_still(still: &Still, above_horizon: bool, quality: &Quality) -> Option<Self> {
+        let measured = still.room.is_none() && !still.samples.directions.is_empty();
+        measured.then(|| Self {
+            still: still.clone(),
+            total: project_sh(&still.samples, quality.sh_order),
+            above_horizon,
+            stage_ms: Default::default(),
+        })
+    }
+
     /// The light of the moment, halved for other settings; in a known room, its light where the objects are.
     pub fn halved(&self, quality: &Quality) -> Lights {
         match &self.still.room {
             Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&self.still.scene)),
-            None => halve_still(&self.still.samples, &self.total, self.options(quality)),
+            None => halve_still(&self.still.samples, &self.total(quality), self.options(quality)),
         }
     }
 
     /// What mirrors and sharp gloss see then.
     pub fn environment(&self, quality: &Quality) -> EnvironmentPicture {
         let samples = &self.still.samples;
-        let (_, left) = halve_still_with_rest(samples, &self.total, self.options(quality));
+        let (_, left) = halve_still_with_rest(samples, &self.total(quality), self.options(quality));
         let (mut work, mut picture) = (Prefilter::default(), EnvironmentPicture::default());
         work.see(samples, 1.0, &mut picture);
         work.levels(left.as_ref(), &mut picture);
@@ -133,6 +145,14 @@ impl Moment {
         still.light = self.halved(quality);
         still.environment = still.room.is_none().then(|| self.environment(quality));
         still
+    }
+
+    /// All light to the order of other settings.
+    fn total(&self, quality: &Quality) -> RadianceSh {
+        match quality.sh_order == self.total.order {
+            true => self.total,
+            false => project_sh(&self.still.samples, quality.sh_order),
+        }
     }
 
     fn options(&self, quality: &Quality) -> HalveOptions {

@@ -8,8 +8,8 @@ mod scene_still;
 mod still;
 
 pub use compare::{Comparison, MaskError, ShadowError, compare};
-pub(super) use scene_still::middle_of;
 pub use scene_still::of_scene;
+pub(super) use scene_still::{above_horizon, middle_of};
 pub(super) use still::halve_options;
 pub use still::{CaseStills, Drawn, Quantity, Still, default_image, of_case};
 

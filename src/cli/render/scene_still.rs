@@ -95,10 +95,8 @@ pub fn of_scene(
     };
     let mut environment = None;
     let light = match (&total, &file.light) {
-        (Some((total, samples)), source) => {
-            let on_surface = matches!(source, LightSource::Ball(_)) && file.ball_on_surface;
-            let above_horizon = on_surface || faces_up(&file.scene);
-            let options = halve_options(quality, above_horizon);
+        (Some((total, samples)), _) => {
+            let options = halve_options(quality, above_horizon(file));
             let (light, left) = halve_still_with_rest(samples, total, options);
             let wanted = Wanted::by(&file.scene, quality.sh_order);
             if wanted.picture {
@@ -169,6 +167,11 @@ pub fn of_scene(
         view: PictureView::Final,
         samples: total.map_or_else(RadianceSamples::default, |(_, samples)| samples),
     })
+}
+
+/// Whether only light from above the horizon of a scene counts as hard.
+pub(in crate::cli) fn above_horizon(file: &SceneFile) -> bool {
+    matches!(file.light, LightSource::Ball(_)) && file.ball_on_surface || faces_up(&file.scene)
 }
 
 /// The middle of all virtual objects.

@@ -143,6 +143,9 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let (places, measured) = means(&subjects, &near, &settings, rounds, engine, &bar)?;
     bar.finish_and_clear();
 
+    // As the file will hold them: what is equal there is no other point.
+    let places: Vec<(Point, [f64; 2])> =
+        places.into_iter().map(|(point, place)| (point, place.map(writing::rounded))).collect();
     let where_to: Vec<[f64; 2]> = places.iter().map(|(_, place)| *place).collect();
     let order = crate::plan::front::undominated(&where_to);
     let front: Vec<(Point, [f64; 2])> = order.iter().map(|&i| places[i].clone()).collect();

@@ -9,7 +9,7 @@ use crate::assets::{
 use crate::cli::{
     CliError,
     moment::Moment,
-    render::{CaseStills, Still, default_image, of_scene},
+    render::{CaseStills, Still, above_horizon, default_image, of_scene},
     trace::LightOf,
 };
 use crate::config::Settings;
@@ -21,9 +21,20 @@ use std::path::{Path, PathBuf};
 
 /// Where stills come from.
 enum Source {
-    Case { case: Box<Case>, image: String },
-    Scene(Box<SceneFile>),
-    Moment { moment: Box<Moment>, settings: Box<Settings>, frame: u64 },
+    Case {
+        case: Box<Case>,
+        image: String,
+    },
+    /// With the still as a moment, where its light was measured: reading its pictures again for each point takes long.
+    Scene {
+        file: Box<SceneFile>,
+        moment: Option<Box<Moment>>,
+    },
+    Moment {
+        moment: Box<Moment>,
+        settings: Box<Settings>,
+        frame: u64,
+    },
 }
 
 /// One thing that is drawn with many settings.
@@ -97,7 +108,8 @@ impl Subject {
         let still = of_scene(&file, engine, &asked.settings.quality, &mut Vec::new())?;
         let (light, quality) = (LightOf::File(&file), &asked.settings.quality);
         let truth = truth::traced(&still, light, quality, asked.samples, asked.done)?;
-        Ok(Self::new(stem(input), truth, Source::Scene(Box::new(file)), &still))
+        let moment = Moment::of_still(&still, above_horizon(&file), quality).map(Box::new);
+        Ok(Self::new(stem(input), truth, Source::Scene { file: Box::new(file), moment }, &still))
     }
 
     fn of_recording(input: &Path, scene: &Path, asked: &Asked<'_>) -> Result<Self, CliError> {
@@ -175,7 +187,10 @@ impl Subject {
                     Shot { still: stills.still(quality)?, before: Vec::new() }
                 }
                 (Source::Case { .. }, None) => continue,
-                (Source::Scene(file), _) => {
+                (Source::Scene { moment: Some(moment), .. }, _) => {
+                    Shot { still: moment.still(quality), before: Vec::new() }
+                }
+                (Source::Scene { file, .. }, _) => {
                     let mut file = file.clone();
                     if let Some(source) = &mut file.room {
                         point.put_over_room(source);

@@ -117,7 +117,7 @@ fn front_file(about: &About<'_>, results: &Results) -> FrontFile {
 }
 
 /// To five digits: more are noise.
-fn rounded(x: f64) -> f64 {
+pub fn rounded(x: f64) -> f64 {
     format!("{x:.4e}").parse().unwrap_or(x)
 }
 
