@@ -62,16 +62,16 @@ test: tools-build tools-gpu tools-browser
 	REQUIRE_RELEASE=1 cargo test --locked --no-fail-fast
 
 tradeoff: release
-	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --quick --out out/tradeoff
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --frame 40 --quick --out out/tradeoff
 
 presets: release
-	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 128 --tries 60 --rounds 5 --out out/presets
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --frame 40 --samples 128 --tries 60 --rounds 5 --out out/presets
 	cp out/presets/front.json src/config/front.json
 
 # Pictures and tables of docs/ that come from the bundled scenes, made anew.
 docs: release tools-gpu
 	$(HALFLIGHT) stress --all --markdown docs/stability.md
-	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --samples 128 --tries 60 --rounds 5 --out out/docs
+	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --frame 40 --samples 128 --tries 60 --rounds 5 --out out/docs
 	cp out/docs/walker_in_desk.svg docs/tradeoff_walker.svg
 	cp out/docs/desk_in_desk.svg docs/tradeoff_desk.svg
 	cp out/docs/room_in_room.svg docs/tradeoff_room.svg

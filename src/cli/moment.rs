@@ -19,6 +19,7 @@ use crate::model::{
     light::{Lights, RadianceSh},
     picture::{Picture, PictureView},
     quality::Quality,
+    time::Timestamp,
 };
 use crate::nearfield::{faces::Faces, objects};
 use crate::pipeline::{
@@ -44,6 +45,7 @@ pub struct Moment {
 #[derive(Default)]
 struct Newest {
     outcome: Option<FrameOutcome>,
+    first: Option<Timestamp>,
     times: Vec<[f32; Stage::ALL.len()]>,
 }
 
@@ -56,6 +58,10 @@ impl FrameSink for Newest {
         _: &Picture,
     ) -> Result<bool, PipelineError> {
         self.times.push(outcome.stage_ms);
+        if !outcome.shown.is_passed_through() {
+            // Time in the scene begins with the first picture that has it.
+            self.first.get_or_insert(outcome.t);
+        }
         self.outcome = Some(outcome.clone());
         Ok(true)
     }
@@ -81,6 +87,10 @@ impl Moment {
             )));
         };
         let order = settings.quality.sh_order;
+        let time_s = match (&newest.outcome, newest.first) {
+            (Some(outcome), Some(first)) => outcome.t.seconds_since(first),
+            _ => 0.0,
+        };
         let still = Still {
             scene: from.scene.clone(),
             lens: *from.lens,
@@ -94,6 +104,7 @@ impl Moment {
             view: PictureView::Final,
             samples: from.samples.clone(),
             environment: None,
+            time_s,
         };
         let stage_ms = std::array::from_fn(|k| {
             let mut all: Vec<f32> = newest.times.iter().map(|t| t[k]).collect();
@@ -118,7 +129,9 @@ impl Moment {
     /// The light of the moment, halved for other settings; in a known room, its light where the objects are.
     pub fn halved(&self, quality: &Quality) -> Lights {
         match &self.still.room {
-            Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&self.still.scene)),
+            Some(room) => {
+                objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&self.still.posed()))
+            }
             None => halve_still(&self.still.samples, &self.total(quality), self.options(quality)),
         }
     }

@@ -78,7 +78,9 @@ fn moment_of(arguments: &Arguments, scene: &Path, common: &Common) -> Result<Mom
     let name = &arguments.recording;
     settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
     settings.scene_file = scene.display().to_string();
-    let moment = Moment::of(&settings, arguments.frame)?;
+    let mut moment = Moment::of(&settings, arguments.frame)?;
+    // The scene as it begins, whatever frame has the settled light.
+    moment.still.time_s = 0.0;
     if moment.still.room.is_some() {
         return Err(CliError::on(
             scene.display(),

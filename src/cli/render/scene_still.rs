@@ -27,7 +27,6 @@ use crate::model::{
     quality::Quality,
     response::Response,
     rig::MirrorBall,
-    scene::Scene,
 };
 use crate::nearfield::{faces::Faces, objects};
 use crate::pipeline::gray_place::GrayPlace;
@@ -138,7 +137,7 @@ pub fn of_scene(
     let mut scene = file.scene.clone();
     let room = known_room::of_scene(file, &mut scene).map_err(|e| CliError(e.to_string()))?;
     let light = match &room {
-        Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&scene)),
+        Some(room) => objects::lights_at(room, &Faces::of_room(&room.room), middle_of(&Posed::new(&scene))),
         None => light,
     };
     blocker_spheres::fit(&mut scene, quality.spheres);
@@ -165,6 +164,7 @@ pub fn of_scene(
         quantity: Quantity::Radiance,
         room,
         view: PictureView::Final,
+        time_s: 0.0,
         samples: total.map_or_else(RadianceSamples::default, |(_, samples)| samples),
     })
 }
@@ -175,8 +175,7 @@ pub(in crate::cli) fn above_horizon(file: &SceneFile) -> bool {
 }
 
 /// The middle of all virtual objects.
-pub(in crate::cli) fn middle_of(scene: &Scene) -> Vec3 {
-    let posed = Posed::new(scene);
+pub(in crate::cli) fn middle_of(posed: &Posed) -> Vec3 {
     let points = posed.objects().iter().flat_map(|o| &o.positions_world).filter(|p| p.is_finite());
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (low, high) = points.fold(start, |(low, high), p| (low.min(*p), high.max(*p)));

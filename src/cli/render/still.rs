@@ -74,6 +74,8 @@ pub struct Still {
     pub view: PictureView,
     /// The light as it was measured, world frame; empty where it was not.
     pub samples: RadianceSamples,
+    /// Time in the scene: where what moves is, seconds.
+    pub time_s: f64,
 }
 
 /// A still.
@@ -171,11 +173,19 @@ impl<'a> CaseStills<'a> {
             room: room.clone(),
             view: PictureView::Final,
             samples: RadianceSamples::default(),
+            time_s: 0.0,
         })
     }
 }
 
 impl Still {
+    /// What moves, where it is.
+    pub fn posed(&self) -> Posed {
+        let mut posed = Posed::new(&self.scene);
+        posed.update(&self.scene, self.time_s);
+        posed
+    }
+
     /// Exposure of its 8-bit picture where none is asked for, seconds.
     pub fn shown_exposure_s(&self) -> f64 {
         self.exposure_s.unwrap_or_else(|| pleasant_exposure_s(&self.background.radiance))
@@ -196,7 +206,7 @@ impl Still {
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
         let time_s = exposure_s.unwrap_or_else(|| self.shown_exposure_s());
-        let posed = Posed::new(&self.scene);
+        let posed = self.posed();
         let input = RelightInput {
             background: &self.background,
             lens: &self.lens,

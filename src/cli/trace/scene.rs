@@ -1,6 +1,5 @@
 //! What is traced for a still of `halflight render`: the same camera, the same light, the same things.
 
-use crate::animate::posed::Posed;
 use crate::assets::{
     pictures,
     scene::{LightSource, SceneFile},
@@ -42,7 +41,7 @@ pub fn of_still(
 ) -> Result<TraceScene, CliError> {
     let mut scene = TraceScene::empty(still.lens, still.world_from_camera);
     scene.phong_norm = quality.phong_norm;
-    let posed = Posed::new(&still.scene);
+    let posed = still.posed();
     for (object, posed) in still.scene.objects.iter().zip(posed.objects()) {
         scene.objects.push(TraceBody::of_object(object, &posed.positions_world, &posed.normals_world));
     }
