@@ -31,7 +31,7 @@ pub struct Choice {
     pub changes: u32,
 }
 
-/// Frames over the budget in a row that ask for a cheaper step.
+/// Frames over the budget, among the newest 32, that ask for a cheaper step: more than a twentieth of them.
 const LATE: usize = 3;
 
 /// A step is taken where it should need at most this share of the budget: frames differ.
@@ -57,7 +57,8 @@ pub struct Governor {
     goal: Goal,
     cost: CostModel,
     step: usize,
-    late: usize,
+    /// A bit for each of the newest 32 frames at this step that was over the budget, the newest lowest.
+    late: u32,
     fresh: bool,
     changed: Option<Timestamp>,
     went_up: Option<Timestamp>,
@@ -114,9 +115,11 @@ impl Governor {
         self.cost.see(drawing_ms, other_ms);
         self.measured_ms = drawing_ms + other_ms;
         let Some(budget_ms) = self.goal.budget_ms else { return false };
-        self.late = if self.measured_ms > budget_ms { self.late + 1 } else { 0 };
-        if self.late >= LATE {
-            self.cost.believe(self.step, LATE, self.fresh);
+        self.late = self.late << 1 | u32::from(self.measured_ms > budget_ms);
+        if self.late.count_ones() as usize >= LATE {
+            // All at once: another load. Now and then: a step that is at the edge.
+            let frames = if self.late & 0b111 == 0b111 { LATE } else { 3 * LATE };
+            self.cost.believe(self.step, frames, self.fresh);
             self.fresh = false;
             self.late = 0;
             // Late is late, whatever the model says.
