@@ -61,7 +61,7 @@ impl LiveSettings {
         }
         let of_the_scene = taken.live.iter().any(|key| OF_THE_SCENE.contains(key));
         // Other settings of accuracy are another ground for the front.
-        let governed = taken.live.iter().any(|key| key.starts_with("quality."));
+        let governed = taken.live.iter().any(|key| key.starts_with("quality.") || key.starts_with("light."));
         let govern = governed.then(|| governor_of(&self.current)).transpose().unwrap_or_else(|mistake| {
             tracing::warn!("the governor stays as it is: {mistake}");
             None

@@ -6,6 +6,7 @@ pub mod feed;
 pub mod frame;
 pub mod gray_place;
 pub mod hud;
+pub mod letters;
 pub mod lighting;
 pub mod policy;
 pub mod presenting;

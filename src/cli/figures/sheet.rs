@@ -1,6 +1,7 @@
-//! Pictures side by side with captions, in a small alphabet of our own.
+//! Pictures side by side with captions.
 
 use crate::model::image::{Image, Rgb8Image};
+use crate::pipeline::letters::rows_of;
 
 /// Pixels around and between pictures.
 const GAP: usize = 12;
@@ -57,7 +58,7 @@ impl Sheet {
 /// Writes a line from (x, y) on, in capitals; what leaves the picture is cut off.
 fn write(picture: &mut Rgb8Image, line: &str, x: usize, y: usize) {
     for (place, letter) in line.chars().enumerate() {
-        for (row, dots) in dots_of(letter).into_iter().enumerate() {
+        for (row, dots) in rows_of(letter).into_iter().enumerate() {
             for column in (0..5).filter(|column| dots >> (4 - column) & 1 == 1) {
                 for (dx, dy) in (0..DOT * DOT).map(|k| (k % DOT, k / DOT)) {
                     let (px, py) = (x + place * LETTER[0] + column * DOT + dx, y + row * DOT + dy);
@@ -67,59 +68,6 @@ fn write(picture: &mut Rgb8Image, line: &str, x: usize, y: usize) {
                 }
             }
         }
-    }
-}
-
-/// Seven rows of five dots, the highest bit on the left; what has no letter is left blank.
-fn dots_of(letter: char) -> [u8; 7] {
-    match letter.to_ascii_uppercase() {
-        'A' => [14, 17, 17, 31, 17, 17, 17],
-        'B' => [30, 17, 17, 30, 17, 17, 30],
-        'C' => [14, 17, 16, 16, 16, 17, 14],
-        'D' => [30, 17, 17, 17, 17, 17, 30],
-        'E' => [31, 16, 16, 30, 16, 16, 31],
-        'F' => [31, 16, 16, 30, 16, 16, 16],
-        'G' => [14, 17, 16, 23, 17, 17, 14],
-        'H' => [17, 17, 17, 31, 17, 17, 17],
-        'I' => [14, 4, 4, 4, 4, 4, 14],
-        'J' => [7, 2, 2, 2, 2, 18, 12],
-        'K' => [17, 18, 20, 24, 20, 18, 17],
-        'L' => [16, 16, 16, 16, 16, 16, 31],
-        'M' => [17, 27, 21, 21, 17, 17, 17],
-        'N' => [17, 25, 21, 19, 17, 17, 17],
-        'O' => [14, 17, 17, 17, 17, 17, 14],
-        'P' => [30, 17, 17, 30, 16, 16, 16],
-        'Q' => [14, 17, 17, 17, 21, 18, 13],
-        'R' => [30, 17, 17, 30, 20, 18, 17],
-        'S' => [15, 16, 16, 14, 1, 1, 30],
-        'T' => [31, 4, 4, 4, 4, 4, 4],
-        'U' => [17, 17, 17, 17, 17, 17, 14],
-        'V' => [17, 17, 17, 17, 17, 10, 4],
-        'W' => [17, 17, 17, 21, 21, 27, 17],
-        'X' => [17, 17, 10, 4, 10, 17, 17],
-        'Y' => [17, 17, 10, 4, 4, 4, 4],
-        'Z' => [31, 1, 2, 4, 8, 16, 31],
-        '0' => [14, 17, 19, 21, 25, 17, 14],
-        '1' => [4, 12, 4, 4, 4, 4, 14],
-        '2' => [14, 17, 1, 6, 8, 16, 31],
-        '3' => [30, 1, 1, 14, 1, 1, 30],
-        '4' => [2, 6, 10, 18, 31, 2, 2],
-        '5' => [31, 16, 30, 1, 1, 17, 14],
-        '6' => [6, 8, 16, 30, 17, 17, 14],
-        '7' => [31, 1, 2, 4, 8, 8, 8],
-        '8' => [14, 17, 17, 14, 17, 17, 14],
-        '9' => [14, 17, 17, 15, 1, 2, 12],
-        '.' => [0, 0, 0, 0, 0, 12, 12],
-        ',' => [0, 0, 0, 0, 12, 4, 8],
-        ':' => [0, 12, 12, 0, 12, 12, 0],
-        '=' => [0, 0, 31, 0, 31, 0, 0],
-        '-' => [0, 0, 0, 31, 0, 0, 0],
-        '+' => [0, 4, 4, 31, 4, 4, 0],
-        '%' => [24, 25, 2, 4, 8, 19, 3],
-        '/' => [0, 1, 2, 4, 8, 16, 0],
-        '(' => [2, 4, 8, 8, 8, 4, 2],
-        ')' => [8, 4, 2, 2, 2, 4, 8],
-        _ => [0; 7],
     }
 }
 
@@ -150,11 +98,11 @@ mod tests {
     fn letters_differ() {
         let all: Vec<char> = ('A'..='Z').chain('0'..='9').chain(".,:=-+%/()".chars()).collect();
         for (i, a) in all.iter().enumerate() {
-            assert!(dots_of(*a) != [0; 7] && dots_of(*a).iter().all(|d| *d < 32), "{a}");
+            assert!(rows_of(*a) != [0; 7] && rows_of(*a).iter().all(|d| *d < 32), "{a}");
             for b in &all[i + 1..] {
-                assert_ne!(dots_of(*a), dots_of(*b), "{a} {b}");
+                assert_ne!(rows_of(*a), rows_of(*b), "{a} {b}");
             }
         }
-        assert_eq!(dots_of('q'), dots_of('Q'));
+        assert_eq!(rows_of('q'), rows_of('Q'));
     }
 }
