@@ -35,9 +35,10 @@ pub struct Preparation {
 }
 
 impl Default for Preparation {
-    /// As in [Gib03]: 70 % of the power, and 2 %; one ray each.
+    /// As in [Gib03]: 70 % of the power; one ray each. Of each vertex's light 0.5 % may be neglected in place of its 2 %,
+    /// which were up to 1.3 % of a shadow's light on the reference's F3, for hardly a byte more.
     fn default() -> Self {
-        Self { power_share: 0.7, rays_side: 1, neglected: 0.02 }
+        Self { power_share: 0.7, rays_side: 1, neglected: 0.005 }
     }
 }
 

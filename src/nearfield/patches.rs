@@ -162,9 +162,11 @@ fn halve_worst(queue: &mut BinaryHeap<Piece>, count: usize, mut examined: impl F
 
 /// The judge of shadow edges, from what shines.
 fn edges_of(room: &Room, pieces: &[Piece], diagonal: f64) -> ShadowEdges {
-    let power = |p: &Piece| area(p) * f64::from(color::luminance(p.radiance));
-    let shining: Vec<_> =
-        pieces.iter().map(|p| (centroid(p), p.normal, power(p))).filter(|s| s.2 > 0.0).collect();
+    let shine = |p: &Piece| {
+        let luminance = f64::from(color::luminance(p.radiance));
+        (centroid(p), p.normal, area(p) * luminance, luminance)
+    };
+    let shining: Vec<_> = pieces.iter().map(shine).filter(|s| s.2 > 0.0).collect();
     let mut edges = ShadowEdges::new(Statics::new(room), &shining, LIFT * diagonal);
     let receivers: Vec<_> =
         pieces.iter().filter(|p| reflects(room, p)).map(|p| (centroid(p), p.normal)).collect();

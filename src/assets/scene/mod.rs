@@ -27,7 +27,7 @@
 //! patch_m = 0.2                      # mean size of a patch (default: 1500 patches)
 //! probe_rows = 128                   # rows that the probe's picture is reduced to, about; left out: as it is
 //! power_share = 0.7                  # share of the power of all patches that the sources of shadows have
-//! neglected_share = 0.02             # share of the light at each corner that may be neglected
+//! neglected_share = 0.005            # share of the light at each corner that may be neglected
 //! rays = 1                           # from each corner to each source: 1, 4, 9, .. 64
 //!
 //! [ball]
