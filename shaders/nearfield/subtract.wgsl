@@ -40,6 +40,11 @@ const TINY_LIGHT = 1e-12;
 const INVERSE_PI = 0.31830989;
 const ROOM_TAPS = 4u;
 
+// Whether there are suns, and whether every light is one place, so that a pipeline has nothing of what is not: software
+// devices run every branch.
+override HAS_SUNS: bool = true;
+override IS_HARD: bool = false;
+
 struct Seen {
     @invariant @builtin(position) clip: vec4<f32>,
     @location(0) point_world: vec3<f32>,
@@ -87,6 +92,9 @@ struct Light {
 // All light at a point and what objects block of the suns'.
 fn all_light(seen: Seen) -> Light {
     var light = Light(seen.gathered, vec3<f32>(0.0));
+    if !HAS_SUNS {
+        return light;
+    }
     for (var k = 0u; k < suns.counts.x; k += 1u) {
         let cosine = dot(seen.normal, suns.suns[k][0].xyz);
         if cosine > 0.0 {
@@ -111,10 +119,18 @@ fn listed_at(i: u32) -> vec2<i32> {
     return vec2<i32>(vec2<u32>(4u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
 }
 
+// Places a side of each light.
+fn places_a_side() -> u32 {
+    if IS_HARD {
+        return 1u;
+    }
+    return lights.tiles_maps_texels_side.w;
+}
+
 // Which part of a light of its triangle the point sees: between the corners' parts by the light that comes of each.
 fn part_of(seen: Seen, corner: vec2<i32>) -> vec4<f32> {
     let entire = vec4<f32>(0.0, 0.0, 1.0, 1.0);
-    if lights.tiles_maps_texels_side.w <= 1u {
+    if places_a_side() <= 1u {
         return entire;
     }
     let a = textureLoad(listed, corner, 0);
@@ -153,14 +169,28 @@ fn ratio(seen: Seen) -> vec3<f32> {
     let light = all_light(seen);
     var blocked = light.blocked;
     let range = listed_range(seen);
-    for (var i = range.x; i < range.y; i += 1u) {
-        blocked += blocked_of(seen, i);
+    // The end is looked for after each turn: software devices run one more where it is looked for before.
+    var i = range.x;
+    if i < range.y {
+        loop {
+            blocked += blocked_of(seen, i);
+            continuing {
+                i += 1u;
+                break if i >= range.y;
+            }
+        }
     }
     if all(blocked == vec3<f32>(0.0)) {
         return untouched;
     }
     let rest = clamp(1.0 - blocked / light.whole, vec3<f32>(0.0), vec3<f32>(1.0));
     return select(untouched, rest, light.whole > vec3<f32>(TINY_LIGHT));
+}
+
+// Depth alone, to a target of ratios.
+@fragment
+fn depth_alone() -> @location(0) vec4<u32> {
+    return vec4<u32>(0u);
 }
 
 // Depth alone.
