@@ -62,9 +62,10 @@ pub struct Extents {
 impl Extents {
     /// Takes the objects where they are now.
     pub fn take_objects(&mut self, objects: &ObjectGeometry) {
-        let boxes = objects.ranges.iter().filter_map(|(vertices, _)| {
-            objects.positions.get(vertices.clone()).and_then(|positions| box_around(positions))
-        });
+        let boxes = objects
+            .ranges
+            .iter()
+            .filter_map(|(vertices, _)| objects.positions.get(vertices.clone()).and_then(box_around));
         self.objects.clear();
         self.objects.extend(boxes);
     }
