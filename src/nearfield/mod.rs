@@ -46,6 +46,7 @@ pub mod subtract_displayed;
 pub mod sums;
 pub mod sun_blockers;
 pub mod sun_shadows;
+pub mod sun_sources;
 pub mod suns;
 pub mod transfer;
 pub mod two_sets;
