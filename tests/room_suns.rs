@@ -145,7 +145,7 @@ fn a_sun_takes_a_light_from_the_room_and_one_that_is_hidden_does_not() {
     // Where walls adjoin, the filter of the room's own shadow lets a little of any sun in.
     assert!(apart * 100 < SIZE * SIZE, "{apart} pixels");
     // Merged suns take about what they take with a map each: less and more of each as their shadows lie.
-    let (one, two) = (draw(&[low(), high()], 2), draw(&[low(), high()], 3));
+    let (one, two) = (draw(&[low(), high()], 2), draw(&[low(), high()], 10));
     assert_eq!((one.maps, two.maps), (1, 2));
     let ratio = taken(&one) / taken(&two);
     println!("{ratio}");

@@ -83,8 +83,8 @@ impl Ruling {
 /// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
 /// hide some of them, or `SubtractDisplayed` in its place (`Quality::near_form`): it subtracts from what an 8-bit display shows
 /// of the place alone, before any object is drawn over it, so that objects need no mask and keep their clean edges, and hands
-/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine
-/// in, if any of them is among the n lights of the frame. Elsewhere:
+/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for
+/// suns that are among the frame's lights. Elsewhere:
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light; and not so little light that nobody sees its shadow.
@@ -479,7 +479,6 @@ impl<'a> Look<'a> {
             map_texels: quality.shadow_map_texels as usize,
             spheres: self.spheres,
             soft_step_px: quality.soft_step_px as usize,
-            // Suns and near lights share one number.
             near_lights: if self.in_room { quality.shadow_maps.saturating_sub(maps) } else { 0 },
             near_texels: quality.shadow_map_texels as usize / 4,
             coefficients: quality.sh_order * quality.sh_order,
