@@ -128,7 +128,7 @@ fn a_tie_that_trembles_does_not_flicker() {
 fn one_light_for_two_trees_stays_where_it_is() {
     let (a, b) = (row(8, 0.5), row(16, 0.2));
     let mut expander = Expander::default();
-    let mut of = |expander: &mut Expander, lights: [f32; 2]| {
+    let of = |expander: &mut Expander, lights: [f32; 2]| {
         let trees = [Lit::new(&a, &[lights[0] / 8.0; 8]), Lit::new(&b, &[lights[1] / 16.0; 16])];
         let chosen = expander.expand(&[trees[0].marked(), trees[1].marked()], 1, Priority::ErrorRemoved);
         assert_eq!(chosen.len(), 1);
