@@ -23,7 +23,8 @@
 struct SunTerms {
     // Suns, 0, 0, 0.
     counts: vec4<u32>,
-    // Unit vector towards each (world frame), and its irradiance.
+    // Unit vector towards each (world frame), and its irradiance; in the last w 1 + the number of the sun whose map of the
+    // objects it is hidden by, or 0.
     suns: array<array<vec4<f32>, 2>, 64>,
 }
 
@@ -101,7 +102,11 @@ fn all_light(seen: Seen) -> Light {
             let sun = suns.suns[k][1].xyz * (cosine * INVERSE_PI * arrives(k, seen.point_world, cosine));
             if any(sun > vec3<f32>(0.0)) {
                 light.whole += sun;
-                light.blocked += sun * (1.0 - visibility(k, seen.point_world, cosine));
+                let map = u32(suns.suns[k][1].w);
+                if map > 0u {
+                    let slope = dot(seen.normal, suns.suns[map - 1u][0].xyz);
+                    light.blocked += sun * (1.0 - visibility(map - 1u, seen.point_world, slope));
+                }
             }
         }
     }

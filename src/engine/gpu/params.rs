@@ -290,11 +290,12 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun`.
+    /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun_shadows`.
     SunTerms {
         /// Suns, 0, 0, 0.
         counts: [u32; 4],
-        /// Unit vector towards each (world frame), and its irradiance.
+        /// Unit vector towards each (world frame), and its irradiance; in the last w 1 + the number of the sun whose map of the
+        /// objects it is hidden by, or 0.
         suns: [[[f32; 4]; 2]; MAX_HARD_LIGHTS],
     }
 }

@@ -75,7 +75,7 @@ pub struct Subtraction<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Its suns.
     pub suns: &'a SunShadows,
-    /// The objects under each.
+    /// The objects under those that have a map in this frame, in their order.
     pub sun_cameras: &'a params::ShadowCameras,
     /// Their maps.
     pub sun_maps: Resource,
@@ -194,7 +194,7 @@ impl Subtract {
             pages.bind(context).ok_or_else(|| missing(Pass::PointMaps))?,
             self.ranges.bind(context),
             self.listed.bind(context),
-            self.suns.write(context, bytemuck::bytes_of(&view::suns(with.suns))),
+            self.suns.write(context, bytemuck::bytes_of(&view::suns(with.suns, with.frame))),
             self.sun_cameras.write(context, bytemuck::bytes_of(with.sun_cameras)),
             with.sun_maps.clone(),
             self.room_cameras.write(context, bytemuck::bytes_of(&view::room_cameras(with.suns))),
@@ -208,7 +208,7 @@ impl Subtract {
             frame: with.frame,
             first: with.first,
             lights,
-            has_suns: !with.suns.is_empty(),
+            has_suns: with.frame.sun_maps().iter().any(Option::is_some),
             size: (width, height),
         };
         let (pass, after, last) = if let Some(shown) = &with.shown {
