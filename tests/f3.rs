@@ -99,19 +99,19 @@ fn table(shared: &Path, id: &str, preparation: &Preparation) -> Vec<Row> {
 /// What was measured. Relative RMSE of all sources, and of 10 and 50 soft lights: 0.04, 0.20 and 0.08 were wanted.
 /// The removed light of 10 and of all, less 1: 0.02 was wanted of both.
 ///
-/// Met against rays without noise, but for what is missing below the table at the window: 2.5 % with ten lights, of which 2.1
-/// are interpolation between corners of patches (1.0 with twice as many patches). A light that is seen in part counts with the
-/// part that is seen: with all of it in its place ten lights were 3.3, 2.5 and -4.2 % off at the window.
+/// Met against rays without noise, of which 0.8 % of the light below the table at the window are interpolation between corners
+/// of patches: with exact transfers in the place of interpolated ones 0.1 % is left. A light that is seen in part counts with
+/// the part that is seen: with all of it in its place ten lights were 3.3, 2.5 and -4.2 % off at the window.
 ///
 /// The box under the lamp's table is no measure: six of the pixels looked at show its shadow, all in the table's penumbra,
 /// and in one of them, away from the shadow, the object seems to reach in by less than the mask's 64 samples show.
 const KNOWN: [(&str, &str, [f64; 3], [f64; 2]); 6] = [
     ("f3_ceiling_light", "table", [0.0045, 0.0070, 0.0045], [0.001, 0.001]),
     ("f3_ceiling_light", "raised", [0.006, 0.0145, 0.0055], [0.002, 0.001]),
-    ("f3_ceiling_light", "under", [0.103, 0.107, 0.100], [0.041, 0.042]),
+    ("f3_ceiling_light", "under", [0.101, 0.099, 0.098], [0.023, 0.027]),
     ("f3_window_ceiling_patch", "table", [0.0125, 0.051, 0.0205], [0.003, 0.007]),
-    ("f3_window_ceiling_patch", "raised", [0.0325, 0.1445, 0.0435], [0.007, 0.005]),
-    ("f3_window_ceiling_patch", "under", [0.0385, 0.0465, 0.0385], [-0.025, -0.021]),
+    ("f3_window_ceiling_patch", "raised", [0.0325, 0.132, 0.0405], [0.008, 0.003]),
+    ("f3_window_ceiling_patch", "under", [0.0285, 0.0405, 0.0295], [-0.012, -0.008]),
 ];
 
 #[test]
@@ -248,11 +248,11 @@ fn a_box_that_moves_slowly_does_not_make_its_shadow_jump() {
 /// of the deepest shadow.
 ///
 /// Of steps of 0.1 mm one in a hundred marks a source anew, which shifts a light's parallelogram and a few of its nine places
-/// past an edge. Ten hard lights step by two lights when one of them is split; fifty soft ones by a seventieth.
+/// past an edge: 5 % of the deepest shadow in the worst of a hundred steps, as in one of 5 mm. Ten hard lights step by two lights when one of them is split; fifty soft ones by a seventieth.
 /// What moves in all is mostly edges of the box that pass over a place: a light of ten is a tenth of the shadow.
 const STEPS: [(f32, usize, u32, [f32; 2]); 6] = [
     (0.0001, 10, 1, [0.0, 0.267]),
-    (0.0001, 10, 3, [0.0085, 0.078]),
+    (0.0001, 10, 3, [0.0505, 0.078]),
     (0.0001, 50, 3, [0.0001, 0.0155]),
     (0.005, 10, 1, [0.228, 0.485]),
     (0.005, 10, 3, [0.071, 0.1]),
