@@ -315,9 +315,15 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "soft shadows",
             "soft terms",
         ],
-        Pass::PointMaps => {
-            &["indices", "near cameras", "near depth", "near maps", "pages of near maps", "vertices"]
-        }
+        Pass::PointMaps => &[
+            "indices",
+            "near cameras",
+            "near depth",
+            "near lights",
+            "near maps",
+            "pages of near maps",
+            "vertices",
+        ],
         Pass::Subtract => &[
             "indices",
             "listed lights",

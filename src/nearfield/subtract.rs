@@ -98,17 +98,12 @@ pub(super) fn each_hidden<const N: usize>(
     count: usize,
     mut each: impl FnMut(usize, &[f32; N]),
 ) {
-    let (corners, normal, points, frame) = (run.corners, run.normal, run.points_world, with.frame);
-    let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
-    let ends = [point(0), point(count.max(1) - 1)];
+    let (corners, points, frame) = (run.corners, run.points_world, with.frame);
     for &k in frame.listed(run.triangle) {
         let light = usize::from(k);
-        let (Some((camera, map)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
+        let (Some((camera, maps)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
             continue;
         };
-        if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
-            continue;
-        }
         let sent = corners.map(|v| frame.sent(light, v));
         let part = || {
             let parts = corners.map(|v| frame.part(light, v).middle_half());
@@ -121,8 +116,9 @@ pub(super) fn each_hidden<const N: usize>(
         };
         let visible = widest(
             #[inline(always)]
-            || reads.visibility(map, camera, points, normal, part),
+            || reads.visibility(maps, camera, points, part),
         );
+        let Some(visible) = visible else { continue };
         if visible[..count].iter().all(|v| *v >= 1.0) {
             continue;
         }
