@@ -301,6 +301,10 @@ fn apart(plan: &Picture, all: &Picture) -> f32 {
     pairs.map(|(p, a)| if p == a { 0.0 } else { (p - a).abs() / p.abs().max(1e-9) }).fold(0.0, f32::max)
 }
 
+#[rustfmt::skip]
+const NEAR_MAPS: [&str; 7] =
+    ["indices", "near cameras", "near depth", "near lights", "near maps", "pages of near maps", "vertices"];
+
 /// What a pass needs on a device, written down here once more; `has_picture`: of the place, for mirrors.
 fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
     let list: &[&str] = match pass {
@@ -315,15 +319,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "soft shadows",
             "soft terms",
         ],
-        Pass::PointMaps => &[
-            "indices",
-            "near cameras",
-            "near depth",
-            "near lights",
-            "near maps",
-            "pages of near maps",
-            "vertices",
-        ],
+        Pass::PointMaps => &NEAR_MAPS,
         Pass::Subtract => &[
             "indices",
             "listed lights",
