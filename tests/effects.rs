@@ -302,6 +302,9 @@ fn apart(plan: &Picture, all: &Picture) -> f32 {
 }
 
 #[rustfmt::skip]
+const OBJECTS: [&str; 7] =
+    ["light", "object depth", "object layer", "object samples", "shadow cameras", "surroundings", "view"];
+#[rustfmt::skip]
 const NEAR_MAPS: [&str; 7] =
     ["indices", "near cameras", "near depth", "near lights", "near maps", "pages of near maps", "vertices"];
 
@@ -335,15 +338,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "vertices",
             "view",
         ],
-        Pass::ShadeObject => &[
-            "light",
-            "object depth",
-            "object layer",
-            "object samples",
-            "shadow cameras",
-            "surroundings",
-            "view",
-        ],
+        Pass::ShadeObject => &OBJECTS,
         Pass::ShadeSurface => &["light", "ratios", "shadow cameras", "soft picture", "surface depth", "view"],
         Pass::Composite => &["background", "composed radiance", "composed radiance", "composite params"],
         Pass::Tonemap => &["display", "display", "thresholds", "tonemap params"],
