@@ -9,7 +9,7 @@ use glam::Vec3;
 use halflight::config::Settings;
 use halflight::daemon::run::prepare;
 use halflight::model::{
-    room::{Face, Room, RoomSurface},
+    room::{Face, Room, RoomSun, RoomSurface},
     time::Timestamp,
 };
 use halflight::nearfield::{
@@ -18,6 +18,8 @@ use halflight::nearfield::{
     patches::{Subdivision, subdivide},
     representatives::Representatives,
     shaft::Aabb,
+    sun_shadows::SunShadows,
+    sun_sources::SunMarks,
 };
 use halflight::sources::expand::Priority;
 
@@ -81,7 +83,7 @@ fn frames_of_the_pipeline(settings: &Settings) {
     assert!(worst <= OF_LIBRARIES, "{worst}");
 }
 
-/// A box of 2 m whose floor and walls shine, and an object on its way through it, there and back.
+/// A box of 2 m whose floor and walls shine and let two suns in, and an object on its way through it, there and back.
 fn frames_of_near_light() {
     const SIDES: [[u32; 4]; 6] =
         [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]];
@@ -98,15 +100,27 @@ fn frames_of_near_light() {
     let how = Subdivision { patches: 300, ..Subdivision::default() };
     let divided = subdivide(&room, &how, &|_| None).unwrap();
     let field = NearField::build(&room, divided, &Preparation::default(), &|_| ()).unwrap();
+    let sun = |towards: Vec3| RoomSun {
+        to_light_world: towards.normalize().to_array(),
+        irradiance_rgb: [2.0; 3],
+        extent_rad: 0.005,
+        apertures: vec![0],
+    };
+    let mut suns = SunShadows::default();
+    suns.load(&room, &[sun(Vec3::new(0.3, 0.2, 1.0)), sun(Vec3::new(-0.6, 0.1, 1.0))], &field, 128);
     let (mut marks, mut lights, mut rows) = (Marks::default(), Representatives::default(), Vec::new());
+    let mut of_suns = SunMarks::default();
     let mut frame = |step: usize| {
         let centre = Vec3::new(0.5 + 0.04 * (step % 24) as f32, 1.0, 0.6);
         let objects = [Aabb { low: centre - 0.15, high: centre + 0.15 }];
         let before = sys::allocations();
         marks.mark(&field, &objects, None);
-        lights.choose(&field, &marks, &objects, None, 10, Priority::ErrorRemoved);
+        of_suns.mark(&field, &suns, &marks, &objects, None);
+        lights.choose(&field, &marks, &objects, of_suns.marked(&suns), 10, Priority::ErrorRemoved);
+        of_suns.share(&suns, lights.far());
         lights.light_rows(&field, &marks, &mut rows);
-        assert!(lights.near().len() == 10 && rows.iter().any(|r| r[1] > 0.0));
+        assert!(!lights.far().is_empty() && of_suns.maps().iter().all(Option::is_some));
+        assert!(lights.near().len() + lights.far().len() == 10 && rows.iter().any(|r| r[1] > 0.0));
         sys::allocations() - before
     };
     let first: usize = (0..WARM_UP).map(&mut frame).sum();

@@ -334,6 +334,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "suns",
             "suns' cameras",
             "suns' cameras of the room",
+            "triangles with lights",
             "turns",
             "vertices",
             "view",
@@ -341,11 +342,10 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
         Pass::ShadeObject => &OBJECTS,
         Pass::ShadeSurface => &["light", "ratios", "shadow cameras", "soft picture", "surface depth", "view"],
         Pass::Composite => &["background", "composed radiance", "composed radiance", "composite params"],
-        Pass::Tonemap => &["display", "display", "thresholds", "tonemap params"],
+        Pass::Tonemap => &["display", "display", "starts of values", "thresholds", "tonemap params"],
     };
-    let mut list = list.to_vec();
-    list.extend((pass == Pass::ShadeObject && has_picture).then_some("environment"));
-    list
+    let picture = (pass == Pass::ShadeObject && has_picture).then_some("environment");
+    list.iter().copied().chain(picture).collect()
 }
 
 /// What lives is exactly what the passes need.

@@ -7,6 +7,7 @@ mod gles;
 mod lit_room;
 mod support;
 
+use glam::Vec3;
 use halflight::{
     animate::posed::Posed,
     engine::{
@@ -25,6 +26,7 @@ use halflight::{
         picture::Picture,
         quality::{NearForm, Quality},
         response::Response,
+        room::RoomSun,
         scene::Scene,
         time::Timestamp,
     },
@@ -142,6 +144,13 @@ fn room(quality: &Quality) -> [Pass; 2] {
     }
 }
 
+/// Bytes of the suns' maps.
+fn sun_bytes(engine: &dyn Engine) -> u64 {
+    let mut live = Vec::new();
+    engine.live(&mut live);
+    live.iter().filter(|l| l.name == "shadow maps").map(|l| l.bytes).sum()
+}
+
 fn matches(backend: Backend) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let test = format!("a known room on {}", backend.name());
@@ -164,6 +173,8 @@ fn matches(backend: Backend) {
             true,
             Quality { shadow_maps: 20, pcf_taps: 2, near_form: NearForm::Ldr, ..base },
         ),
+        // Of three suns the room hides the first, and the third is hidden by the second's map; one map is for near light.
+        ("merged", Distortion::None, true, Quality { shadow_maps: 2, pcf_taps: 3, ..base }),
         // More than one page of tiles: 64 go on one, or fewer where textures are smaller.
         (
             "many",
@@ -173,13 +184,28 @@ fn matches(backend: Backend) {
         ),
     ];
     for (name, distortion, sun, quality) in shots {
-        let known = Arc::new(lit_room::known_room(sun));
+        let mut known = lit_room::known_room(sun);
+        if name == "merged" {
+            let [first] = &known.suns[..] else { panic!("one sun") };
+            let sun = |towards: Vec3, strength: f32| RoomSun {
+                to_light_world: towards.normalize().to_array(),
+                irradiance_rgb: first.irradiance_rgb.map(|e| strength * e),
+                ..first.clone()
+            };
+            let others =
+                [sun(Vec3::new(0.9, 0.1, 0.35), 5.0), first.clone(), sun(Vec3::new(-0.9, -0.25, 0.5), 0.5)];
+            known.suns = others.to_vec();
+        }
+        let known = Arc::new(known);
         let shot = Shot::new(&known, distortion, &quality, false);
         cpu.load_room(Some(Arc::clone(&known))).unwrap();
         cpu.load_scene(&shot.scene).unwrap();
         engine.load_room(Some(Arc::clone(&known))).unwrap();
         engine.load_scene(&shot.scene).unwrap();
         let twin = shot.draw(&mut cpu);
+        // Whatever the number of suns, one has a map.
+        let side = u64::from(quality.shadow_map_texels);
+        assert_eq!(sun_bytes(&cpu), if sun { 4 * side * side } else { 0 }, "{name}");
         let shadowed = twin.radiance.pixels().iter().filter(|p| p[0] < 0.97).count();
         assert!(shadowed > 1000, "{name}: {shadowed} pixels in shadow");
         let [maps, subtract] = room(&quality);

@@ -2,13 +2,15 @@
 
 use glam::Vec3;
 use halflight::{
-    model::room::{Face, Room, RoomSurface},
+    model::room::{Face, Room, RoomSun, RoomSurface},
     nearfield::{
         field::{NearField, Preparation},
         marks::Marks,
         patches::{Subdivision, subdivide},
         representatives::Representatives,
         shaft::Aabb,
+        sun_shadows::SunShadows,
+        sun_sources::SunMarks,
     },
     sources::expand::Priority,
 };
@@ -60,17 +62,35 @@ fn median(times: &mut [f64]) -> f64 {
     times[times.len() / 2]
 }
 
-/// Median milliseconds of marking, of choosing `count` lights and of their rows, over an object carried across the table.
-fn frames(field: &NearField, count: usize) -> [f64; 3] {
+/// Two suns that shine in through the wall at x = -2: all of it is their window.
+fn suns(room: &Room, field: &NearField) -> SunShadows {
+    let sun = |towards: Vec3| RoomSun {
+        to_light_world: towards.normalize().to_array(),
+        irradiance_rgb: [4.0, 3.6, 3.0],
+        extent_rad: 0.005,
+        apertures: vec![0],
+    };
+    let mut suns = SunShadows::default();
+    let both = [sun(Vec3::new(-0.9, 0.1, 0.45)), sun(Vec3::new(-0.9, -0.35, 0.6))];
+    suns.load(room, &both, field, 1024);
+    suns
+}
+
+/// Median milliseconds of marking, of choosing `count` lights, suns among them, and of their rows, over an object carried across
+/// the table.
+fn frames(field: &NearField, suns: &SunShadows, count: usize) -> [f64; 3] {
     let (mut marks, mut lights, mut rows) = (Marks::default(), Representatives::default(), Vec::new());
+    let mut of_suns = SunMarks::default();
     let mut times = [const { Vec::new() }; 3];
     for frame in 0..FRAMES {
         let centre = Vec3::new(-0.5 + frame as f32 / FRAMES as f32, 0.0, 0.16);
         let objects = [Aabb { low: centre - 0.12, high: centre + 0.12 }];
         let begin = Instant::now();
         marks.mark(field, &objects, None);
+        of_suns.mark(field, suns, &marks, &objects, None);
         let marked = Instant::now();
-        lights.choose(field, &marks, &objects, None, count, Priority::ErrorRemoved);
+        lights.choose(field, &marks, &objects, of_suns.marked(suns), count, Priority::ErrorRemoved);
+        of_suns.share(suns, lights.far());
         let chosen = Instant::now();
         lights.light_rows(field, &marks, &mut rows);
         let steps = [marked - begin, chosen - marked, chosen.elapsed()];
@@ -102,7 +122,8 @@ pub fn run() {
             let prepare_s = begin.elapsed().as_secs_f64();
             let report = field.report();
             let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
-            let [mark, choose, rows] = frames(&field, 10);
+            let [mark, choose, rows] = frames(&field, &SunShadows::default(), 10);
+            let [mark_suns, choose_suns, _] = frames(&field, &suns(&room, &field), 10);
             let costs = [prepare_s, mib(report.bytes), mark + choose];
             // Exponents of the growth since the row above.
             let exponent = |i: usize, (n, old): (f64, [f64; 3])| {
@@ -112,7 +133,7 @@ pub fn run() {
                 std::array::from_fn(|i| before.map_or_else(|| "-".into(), |row| exponent(i, row)));
             before = Some((report.patches as f64, costs));
             println!(
-                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({}); {:7}; {:.2} {:.2} {:.2} ({}); {mark:.3} + {choose:.3} = {:.3} ({}), {rows:.3}",
+                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({}); {:7}; {:.2} {:.2} {:.2} ({}); {mark:.3} + {choose:.3} = {:.3} ({}), with two suns {:.3}, {rows:.3}",
                 report.patches,
                 report.sources,
                 growth[0],
@@ -123,6 +144,7 @@ pub fn run() {
                 growth[1],
                 mark + choose,
                 growth[2],
+                mark_suns + choose_suns,
             );
         }
     }

@@ -38,8 +38,8 @@ use std::{sync::Arc, time::Instant};
 const FRAMES: usize = 15;
 /// Section 9 of [Gib03]: shadow maps and pictures a second at 640 x 480 on a graphics card of 2002.
 const GIB03: [(usize, f64); 3] = [(10, 35.0), (20, 25.0), (50, 14.0)];
-/// Passes of the room, and all others.
-const PARTS: [&str; 4] = ["maps", "subtract", "objects", "rest"];
+/// Passes of the frame, and what lies between them: transfers, waits, finding the lights.
+const PARTS: [&str; 6] = ["maps", "subtract", "objects", "composite", "tonemap", "between"];
 
 /// 512 triangles over a table.
 fn scene(known: &KnownRoom) -> Scene {
@@ -57,7 +57,7 @@ fn scene(known: &KnownRoom) -> Scene {
 }
 
 /// Median milliseconds of a frame and of its parts, and a digest of its picture.
-fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [f64; 4], u64) {
+fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [f64; PARTS.len()], u64) {
     let light = Lights::soft(RadianceSh::zero(4));
     let mut plan = FramePlan::default();
     effects::plan(&Occasion::SHOW, scene, &light, quality, &mut plan);
@@ -78,7 +78,7 @@ fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [
     };
     let mut out = Picture::default();
     let mut timings: Vec<PassTiming> = Vec::new();
-    let (mut walls, mut parts) = (Vec::new(), [const { Vec::new() }; 4]);
+    let (mut walls, mut parts) = (Vec::new(), [const { Vec::new() }; PARTS.len()]);
     for frame in 0..FRAMES + 2 {
         let start = Instant::now();
         engine.relight(&plan, &input, &mut out).expect("a sound frame");
@@ -86,16 +86,19 @@ fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [
         engine.take_timings(&mut timings);
         if frame >= 2 {
             walls.push(wall);
-            let mut sums = [0.0; 4];
+            let mut sums = [0.0; PARTS.len()];
             for timing in &timings {
                 let part = match timing.pass {
                     Pass::PointMaps => 0,
                     Pass::Subtract | Pass::SubtractDisplayed => 1,
                     Pass::ShadeObject => 2,
-                    _ => 3,
+                    Pass::Composite => 3,
+                    Pass::Tonemap => 4,
+                    _ => 5,
                 };
                 sums[part] += f64::from(timing.ms);
             }
+            sums[5] = wall - sums[..5].iter().sum::<f64>();
             parts.iter_mut().zip(sums).for_each(|(list, sum)| list.push(sum));
         }
     }
@@ -108,12 +111,18 @@ fn measure(engine: &mut dyn Engine, scene: &Scene, quality: &Quality) -> (f64, [
     (median(&mut walls), parts.each_mut().map(&mut median), digest)
 }
 
-fn table(engine: &mut dyn Engine, what: &str, known: &Arc<KnownRoom>, near_form: NearForm) -> Vec<f64> {
+fn table(
+    engine: &mut dyn Engine,
+    what: &str,
+    known: &Arc<KnownRoom>,
+    near_form: NearForm,
+    places: &[u32],
+) -> Vec<f64> {
     let scene = scene(known);
     engine.load_room(Some(Arc::clone(known))).expect("a sound room");
     engine.load_scene(&scene).expect("a sound scene");
     let mut walls = Vec::new();
-    for places in [1, 4] {
+    for &places in places {
         for (maps, fps) in GIB03 {
             let quality = Quality { shadow_maps: maps, pcf_taps: places, near_form, ..Quality::default() };
             let (wall, parts, digest) = measure(engine, &scene, &quality);
@@ -130,8 +139,12 @@ fn table(engine: &mut dyn Engine, what: &str, known: &Arc<KnownRoom>, near_form:
     walls
 }
 
-/// Prints the figures.
+/// Prints the figures; a second argument (`cpu`, `vulkan`, `gl`) picks one engine, and `hard` after it hard maps alone.
 pub fn run() {
+    let arguments: Vec<_> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let asked = |name: &str| arguments.get(1).is_none_or(|only| only.eq_ignore_ascii_case(name));
+    let hard = arguments.get(2).is_some_and(|only| only == "hard");
+    let places: &[u32] = if hard { &[1] } else { &[1, 4] };
     println!("a known room of 1500 patches at 640 x 480, 512 triangles, maps of 256 x 256");
     let room = room();
     let patches = subdivide(&room, &Subdivision { patches: 1500, ..Subdivision::default() }, &radiance);
@@ -147,14 +160,19 @@ pub fn run() {
         suns: Vec::new(),
         report: RoomReport::default(),
     });
-    match CpuEngine::new(None) {
-        Ok(mut engine) => {
-            let ratio = table(&mut engine, "CPU", &known, NearForm::Ratio);
-            compare(&table(&mut engine, "CPU, 8-bit", &known, NearForm::Ldr), &ratio, "8-bit / ratio form");
+    match asked("cpu").then(|| CpuEngine::new(None)) {
+        None => {}
+        Some(Ok(mut engine)) => {
+            let ratio = table(&mut engine, "CPU", &known, NearForm::Ratio, places);
+            compare(
+                &table(&mut engine, "CPU, 8-bit", &known, NearForm::Ldr, places),
+                &ratio,
+                "8-bit / ratio form",
+            );
         }
-        Err(error) => println!("  {error}"),
+        Some(Err(error)) => println!("  {error}"),
     }
-    for backend in Backend::ALL {
+    for backend in Backend::ALL.into_iter().filter(|backend| asked(backend.name())) {
         let engine = match GpuEngine::new(Some(backend)) {
             Ok(engine) => engine,
             Err(error) => {
@@ -164,11 +182,14 @@ pub fn run() {
         };
         println!("  {}", engine.description());
         let mut engine = engine.with_near_lights(Spread::Together);
-        let together = table(&mut engine, "one pass of maps", &known, NearForm::Ratio);
-        let displayed = table(&mut engine, "one pass of maps, 8-bit", &known, NearForm::Ldr);
+        let together = table(&mut engine, "one pass of maps", &known, NearForm::Ratio, places);
+        if hard {
+            continue;
+        }
+        let displayed = table(&mut engine, "one pass of maps, 8-bit", &known, NearForm::Ldr, places);
         compare(&displayed, &together, "8-bit (a pass a light) / ratio form");
         let mut engine = engine.with_near_lights(Spread::Each);
-        let each = table(&mut engine, "a pass a map", &known, NearForm::Ratio);
+        let each = table(&mut engine, "a pass a map", &known, NearForm::Ratio, places);
         compare(&each, &together, "a pass a map / one pass of maps");
     }
 }

@@ -23,7 +23,8 @@
 struct SunTerms {
     // Suns, 0, 0, 0.
     counts: vec4<u32>,
-    // Unit vector towards each (world frame), and its irradiance.
+    // Unit vector towards each (world frame), and its irradiance; in the last w 1 + the number of the sun whose map of the
+    // objects it is hidden by, or 0.
     suns: array<array<vec4<f32>, 2>, 64>,
 }
 
@@ -39,6 +40,11 @@ const NO_TRIANGLE = 0xffffffffu;
 const TINY_LIGHT = 1e-12;
 const INVERSE_PI = 0.31830989;
 const ROOM_TAPS = 4u;
+
+// Whether there are suns, and whether every light is one place, so that a pipeline has nothing of what is not: software
+// devices run every branch.
+override HAS_SUNS: bool = true;
+override IS_HARD: bool = false;
 
 struct Seen {
     @invariant @builtin(position) clip: vec4<f32>,
@@ -87,13 +93,20 @@ struct Light {
 // All light at a point and what objects block of the suns'.
 fn all_light(seen: Seen) -> Light {
     var light = Light(seen.gathered, vec3<f32>(0.0));
+    if !HAS_SUNS {
+        return light;
+    }
     for (var k = 0u; k < suns.counts.x; k += 1u) {
         let cosine = dot(seen.normal, suns.suns[k][0].xyz);
         if cosine > 0.0 {
             let sun = suns.suns[k][1].xyz * (cosine * INVERSE_PI * arrives(k, seen.point_world, cosine));
             if any(sun > vec3<f32>(0.0)) {
                 light.whole += sun;
-                light.blocked += sun * (1.0 - visibility(k, seen.point_world, cosine));
+                let map = u32(suns.suns[k][1].w);
+                if map > 0u {
+                    let slope = dot(seen.normal, suns.suns[map - 1u][0].xyz);
+                    light.blocked += sun * (1.0 - visibility(map - 1u, seen.point_world, slope));
+                }
             }
         }
     }
@@ -111,10 +124,18 @@ fn listed_at(i: u32) -> vec2<i32> {
     return vec2<i32>(vec2<u32>(4u * (i % LISTED_A_ROW), i / LISTED_A_ROW));
 }
 
+// Places a side of each light.
+fn places_a_side() -> u32 {
+    if IS_HARD {
+        return 1u;
+    }
+    return lights.tiles_maps_texels_side.w;
+}
+
 // Which part of a light of its triangle the point sees: between the corners' parts by the light that comes of each.
 fn part_of(seen: Seen, corner: vec2<i32>) -> vec4<f32> {
     let entire = vec4<f32>(0.0, 0.0, 1.0, 1.0);
-    if lights.tiles_maps_texels_side.w <= 1u {
+    if places_a_side() <= 1u {
         return entire;
     }
     let a = textureLoad(listed, corner, 0);
@@ -153,14 +174,28 @@ fn ratio(seen: Seen) -> vec3<f32> {
     let light = all_light(seen);
     var blocked = light.blocked;
     let range = listed_range(seen);
-    for (var i = range.x; i < range.y; i += 1u) {
-        blocked += blocked_of(seen, i);
+    // The end is looked for after each turn: software devices run one more where it is looked for before.
+    var i = range.x;
+    if i < range.y {
+        loop {
+            blocked += blocked_of(seen, i);
+            continuing {
+                i += 1u;
+                break if i >= range.y;
+            }
+        }
     }
     if all(blocked == vec3<f32>(0.0)) {
         return untouched;
     }
     let rest = clamp(1.0 - blocked / light.whole, vec3<f32>(0.0), vec3<f32>(1.0));
     return select(untouched, rest, light.whole > vec3<f32>(TINY_LIGHT));
+}
+
+// Depth alone, to a target of ratios.
+@fragment
+fn depth_alone() -> @location(0) vec4<u32> {
+    return vec4<u32>(0u);
 }
 
 // Depth alone.

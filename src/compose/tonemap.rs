@@ -5,9 +5,9 @@ use crate::model::response::Response;
 /// Cells an octave of the start table: 2^CELL_BITS.
 const CELL_BITS: u32 = 8;
 /// Bits of a f32 below its cell.
-const CELL_SHIFT: u32 = 23 - CELL_BITS;
+pub const CELL_SHIFT: u32 = 23 - CELL_BITS;
 /// Cells of the start table: 64 octaves, far more than 8 bits span in any response. So fine that few hold two steps.
-const CELLS: usize = 64 << CELL_BITS;
+pub const CELLS: usize = 64 << CELL_BITS;
 
 /// A response turned round: for each channel the exposures at which the rounded value steps up.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,9 +15,10 @@ pub struct ToneTable {
     response: Response,
     /// `thresholds[c][z]`: exposure at which `Response::value_of` passes z + 1/2; never decreasing. The last is infinite.
     pub thresholds: [[f32; 256]; 3],
-    /// For each cell of exposures, the value at its lower end.
-    starts: Vec<[u8; 3]>,
-    first_cell: u32,
+    /// For each cell of exposures (those of equal bits above [`CELL_SHIFT`]), the value at its lower end in each channel; 0.
+    pub starts: Vec<[u8; 4]>,
+    /// The bits of the first cell.
+    pub first_cell: u32,
 }
 
 impl ToneTable {
@@ -26,19 +27,21 @@ impl ToneTable {
         let mut table = Self {
             response: response.clone(),
             thresholds: [[f32::INFINITY; 256]; 3],
-            starts: vec![[0; 3]; CELLS],
+            starts: vec![[0; 4]; CELLS],
             first_cell: 0,
         };
         table.fill();
         table
     }
 
-    /// Takes another response; free where it is the same one.
-    pub fn update(&mut self, response: &Response) {
-        if self.response != *response {
+    /// Takes another response; free where it is the same one. Says whether it was another.
+    pub fn update(&mut self, response: &Response) -> bool {
+        let is_another = self.response != *response;
+        if is_another {
             self.response.clone_from(response);
             self.fill();
         }
+        is_another
     }
 
     fn fill(&mut self) {
@@ -57,7 +60,7 @@ impl ToneTable {
 
     /// The 8-bit value of an exposure in a channel: `Response::value_of` rounded (half up), but for exposures
     /// within rounding of a step. Never decreases; not a number or negative gives 0.
-    /// The GPU finds the same count of thresholds at or below the exposure by halving.
+    /// The GPU finds the same count of thresholds at or below the exposure, from the same starts.
     #[inline]
     pub fn value(&self, channel: usize, exposure: f32) -> u8 {
         let thresholds = &self.thresholds[channel];

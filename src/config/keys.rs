@@ -392,7 +392,7 @@ pub const KEYS: &[Key] = &[
         "quality.shadow_maps",
         "maps",
         Range::Integer(1, 256),
-        "Shadow maps that all lights share: more make the shadows of wide lights softer. Each costs time. Compact lights take up to 64; from 5 maps on each has half, from 17 a quarter of shadow_map_texels. A known room's suns, lamps and walls take up to 256; those of its near lights have a quarter.",
+        "Shadow maps that all lights share: more make the shadows of wide lights softer. Each costs time. Compact lights take up to 64; from 5 maps on each has half, from 17 a quarter of shadow_map_texels. A known room's suns, lamps and walls share up to 256, each where it takes most error away; a sun of which objects hide nothing takes none. Those of its near lights have a quarter of shadow_map_texels.",
         |s| Value::Integer(s.quality.shadow_maps as i64),
         |s, v| s.quality.shadow_maps = integer(v) as usize
     ),

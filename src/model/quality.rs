@@ -168,7 +168,8 @@ pub struct Quality {
     pub dering: bool,
     /// Compact lights that are looked for: 1 to 4.
     pub lights: usize,
-    /// Hard lights, each with a shadow map, that compact lights are cut into: 1 to 64.
+    /// n: hard lights, each with a shadow map, that compact lights are cut into, 1 to 64; in a known room its suns and near
+    /// lights together, 1 to 256.
     pub shadow_maps: usize,
     /// Spheres that stand for every body that blocks soft light, 4 to 64; 0: as many as the scene asks for.
     pub spheres: usize,

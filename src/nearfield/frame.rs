@@ -7,6 +7,8 @@ use super::{
     marks::{Marks, View},
     representatives::{Representative, Representatives},
     shaft::Aabb,
+    sun_shadows::SunShadows,
+    sun_sources::SunMarks,
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
@@ -27,7 +29,7 @@ const CHUNK: usize = 64;
 /// How the lights of a frame are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearQuality {
-    /// Lights at most: 1 to [`MOST_LIGHTS`].
+    /// Lights at most, suns among them: 1 to [`MOST_LIGHTS`].
     pub lights: usize,
     /// Texels a side of each light's square of maps.
     pub texels: u32,
@@ -42,6 +44,7 @@ pub struct NearFrame {
     view: View,
     marks: Marks,
     chosen: Representatives,
+    suns: SunMarks,
     rows: Vec<[f32; 3]>,
     /// Which part of each light each vertex sees, in the order of `rows`; empty for hard shadows.
     parts: Vec<SeenPart>,
@@ -60,9 +63,24 @@ pub struct NearFrame {
 
 impl NearFrame {
     /// Finds the lights that the objects may hide something of, and fits their maps. `positions` are the vertices of all
-    /// objects now, world frame, and `proxies` their stand-ins.
+    /// objects now, world frame, and `proxies` their stand-ins. In a room without suns.
     pub fn update(
         &mut self,
+        field: &NearField,
+        proxies: &Proxies,
+        positions: &[Vec3],
+        camera: (&Lens, &Pose),
+        quality: &NearQuality,
+    ) {
+        self.update_under(&SunShadows::default(), field, proxies, positions, camera, quality);
+    }
+
+    /// As [`NearFrame::update`] in a room with suns: [`NearFrame::lights`] and the suns that have a map
+    /// ([`NearFrame::sun_maps`]) are `quality.lights` together at most, shared by what each map gains
+    /// ([`Representatives::choose`]). With a single light for both, it goes to those that send more.
+    pub fn update_under(
+        &mut self,
+        suns: &SunShadows,
         field: &NearField,
         proxies: &Proxies,
         positions: &[Vec3],
@@ -77,7 +95,9 @@ impl NearFrame {
         self.marks.mark(field, &self.boxes, Some(&self.view));
         let count = quality.lights.clamp(1, MOST_LIGHTS);
         let by = Priority::ErrorRemoved;
-        self.chosen.choose(field, &self.marks, &self.boxes, None, count, by);
+        self.suns.mark(field, suns, &self.marks, &self.boxes, Some(&self.view));
+        self.chosen.choose(field, &self.marks, &self.boxes, self.suns.marked(suns), count, by);
+        self.suns.share(suns, self.chosen.far());
         self.chosen.light_rows(field, &self.marks, &mut self.rows);
         self.vertices = field.patches.vertices.len();
         let hard = quality.places <= 1;
@@ -144,6 +164,16 @@ impl NearFrame {
     /// The lights, in the order of their maps and rows.
     pub fn lights(&self) -> &[Representative] {
         self.chosen.near()
+    }
+
+    /// For each sun of the room the sun whose map of the objects it is hidden by; `None`: objects hide nothing of it.
+    pub fn sun_maps(&self) -> &[Option<u32>] {
+        self.suns.maps()
+    }
+
+    /// Whether a sun has a map of the objects of its own.
+    pub fn has_sun_map(&self, sun: usize) -> bool {
+        self.suns.maps().iter().flatten().any(|&map| map as usize == sun)
     }
 
     /// What each light sends to each vertex (`Representatives::light_rows`).

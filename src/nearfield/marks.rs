@@ -18,9 +18,18 @@ pub struct View {
     pub receivers: Vec<bool>,
     /// For each node of the octree: whether any of its receivers is seen.
     pub nodes: Vec<bool>,
+    /// Where the camera is, and axis and half angle (radians) of the cone about its picture; `None`: all directions.
+    eye: DVec3,
+    cone: Option<(DVec3, f64)>,
 }
 
 impl View {
+    /// Whether what a box contains may be in the picture, by its bounding sphere.
+    pub fn may_see(&self, object: &Aabb) -> bool {
+        let (to, radius) = (object.centre().as_dvec3() - self.eye, 0.5 * f64::from(object.diagonal()));
+        self.cone.is_none_or(|(axis, angle)| reaches(&axis, angle, to, radius))
+    }
+
     /// Looks anew; keeps its memory. A receiver counts where its front faces the camera and its bounding sphere reaches
     /// into the cone about the picture's middle that holds the whole picture; with a lens whose picture's border has no
     /// rays, the cone is all directions.
@@ -36,6 +45,7 @@ impl View {
         });
         let half_angle = border.try_fold(0.0f64, |most, angle| Some(most.max(angle?)));
         let cone = axis.map(|a| world_from_camera.rotate(a)).zip(half_angle);
+        (self.eye, self.cone) = (eye, cone);
         self.receivers.clear();
         let patches = &field.patches;
         self.receivers.extend(field.receivers.iter().map(|&i| {

@@ -2,6 +2,14 @@
 //! sources and receivers, the hierarchy of shafts between them, and what a moving object may hide in a frame.
 //! `sources` cuts the marked sources into representatives.
 //!
+//! # One n
+//! A frame has n lights with shadow maps of the objects, and what they are of is one choice: the patches that shine are the
+//! leaves of one tree (`field`), the suns those of another (`sun_sources`), and each frame both are expanded together, the node
+//! first whose splitting takes most error away (`sources::expand`). Light is in one unit, the mean irradiance on the receivers
+//! that may lose some, so a sun that the room itself hides, or of which no object hides anything that is seen, takes none of n;
+//! several suns become one light where n is small. With a single light for both trees, the one that sends less loses nothing: its
+//! shadows are missing. On objects a sun without a map of its own shines as if nothing hid it.
+//!
 //! # What is taken away at a point
 //! With the rows E_k of `Representatives::light_rows` (light k's L T, the room's own visibility in it) and `gathered_rgb`,
 //! both interpolated between the corners of the point's triangle, and the share M_k of light k that moving objects hide,
@@ -46,6 +54,7 @@ pub mod subtract_displayed;
 pub mod sums;
 pub mod sun_blockers;
 pub mod sun_shadows;
+pub mod sun_sources;
 pub mod suns;
 pub mod transfer;
 pub mod two_sets;

@@ -54,8 +54,9 @@ pub struct Representatives {
 
 impl Representatives {
     /// Cuts the marked sources into at most `count` lights, together with a tree of far light (such as the compact
-    /// lights' texels) where one is given: both share the count by what it gains, and their light must be in one unit,
-    /// irradiance in luminance. `objects` are the boxes given to [`Marks::mark`].
+    /// lights' texels, or a room's suns, `sun_sources`) where one is given: both share the count by what it gains, and their
+    /// light must be in one unit, irradiance in luminance. A single light for both goes to the tree that sends more
+    /// ([`Expander::expand`]); objects hide nothing of the other then. `objects` are the boxes given to [`Marks::mark`].
     ///
     /// The light of a marked source is the mean over the receivers of the marked leaves, by their area, of pi L T.
     pub fn choose(

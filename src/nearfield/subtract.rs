@@ -23,7 +23,7 @@ pub struct SubtractFrame<'a> {
     pub frame: &'a NearFrame,
     /// Its suns.
     pub suns: &'a SunShadows,
-    /// The objects' maps under the suns, one each.
+    /// The objects' maps under those suns that have one in this frame (`NearFrame::sun_maps`), in the suns' order.
     pub sun_shadows: &'a ShadowMaps,
     /// Taps a side of the suns' filter.
     pub taps: u32,
@@ -44,7 +44,7 @@ pub struct RoomPoints<'a, const N: usize> {
 
 /// Whether something may be taken from a triangle: elsewhere every ratio is 1.
 pub fn may_take(with: &SubtractFrame<'_>, triangle: usize) -> bool {
-    !(with.frame.listed(triangle).is_empty() && with.suns.is_empty())
+    !with.frame.listed(triangle).is_empty() || with.frame.sun_maps().iter().any(Option::is_some)
 }
 
 /// The ratio, each channel within [0, 1], at the first points of a run along a straight line, one for each of `out` (at
@@ -64,8 +64,9 @@ pub fn at_points<const N: usize>(
     let (mut all, mut blocked) = ([[0.0f32; 3]; N], [[0.0f32; N]; 3]);
     if !with.suns.is_empty() {
         for i in 0..count {
-            let hidden;
-            [all[i], hidden] = with.suns.at(point(i), normal, with.sun_shadows, with.taps);
+            let maps = with.frame.sun_maps();
+            let [arrives, hidden] = with.suns.at(point(i), normal, maps, with.sun_shadows, with.taps);
+            all[i] = arrives;
             blocked.iter_mut().zip(hidden).for_each(|(blocked, hidden)| blocked[i] = hidden);
         }
     }

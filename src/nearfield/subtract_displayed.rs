@@ -183,7 +183,8 @@ pub fn at_points<const N: usize>(
         let mut hidden = [0.0; 3];
         if !with.suns.is_empty() {
             let point = run.points_world.map(|axis| axis[i]).into();
-            [suns[i], hidden] = with.suns.at(point, run.normal, with.sun_shadows, with.taps);
+            let maps = with.frame.sun_maps();
+            [suns[i], hidden] = with.suns.at(point, run.normal, maps, with.sun_shadows, with.taps);
         }
         let x = linear(i, &shown);
         for c in 0..3 {

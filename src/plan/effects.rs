@@ -83,7 +83,8 @@ impl Ruling {
 /// In a known room its own lights are drawn instead of the far light's halves: `PointMaps` and `Subtract` where objects may
 /// hide some of them, or `SubtractDisplayed` in its place (`Quality::near_form`): it subtracts from what an 8-bit display shows
 /// of the place alone, before any object is drawn over it, so that objects need no mask and keep their clean edges, and hands
-/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for the suns that shine in. Elsewhere:
+/// on what is left as a ratio, so that all later passes are the same; `SoftShadow` and `ShadeSurface` not at all; `ShadowMaps` for
+/// suns that are among the frame's lights. Elsewhere:
 ///
 /// * `ShadowMaps`: a hard light that shines, an object that can cast, and something lit to cast on:
 ///   an object in view, or a receiving surface that faces the light; and not so little light that nobody sees its shadow.
@@ -304,7 +305,11 @@ impl<'a> Look<'a> {
             return Ruling::on(reason, f32::INFINITY);
         }
         if self.occasion.foresight.is_some_and(|f| f.maps_seen == Some(0)) {
-            return Ruling::nothing("every hard shadow falls outside of the picture");
+            return Ruling::nothing(if self.in_room {
+                "no sun is among the lights of which objects hide something in the picture"
+            } else {
+                "every hard shadow falls outside of the picture"
+            });
         }
         // The light of a known room is not that of `light` alone.
         let share = if self.in_room { f32::INFINITY } else { bounds::hard_share(self.scene, self.light) };
@@ -474,7 +479,7 @@ impl<'a> Look<'a> {
             map_texels: quality.shadow_map_texels as usize,
             spheres: self.spheres,
             soft_step_px: quality.soft_step_px as usize,
-            near_lights: if self.in_room { quality.shadow_maps } else { 0 },
+            near_lights: if self.in_room { quality.shadow_maps.saturating_sub(maps) } else { 0 },
             near_texels: quality.shadow_map_texels as usize / 4,
             coefficients: quality.sh_order * quality.sh_order,
             brackets: quality.brackets,

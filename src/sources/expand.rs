@@ -19,6 +19,8 @@ pub enum Priority {
 /// How much longer a node stays split than it would be split anew, so that two of nearly equal priority do not take
 /// turns from frame to frame.
 const HELD: f64 = 2.0;
+/// Where there are too few for all trees, a tree that was represented stays so until another sends this many times its light.
+const TREE_HELD: f64 = 1.25;
 /// A node's centre moves when another leaf would be this much better.
 const CENTRE_HELD: f32 = 0.8;
 
@@ -87,6 +89,8 @@ struct TreeState {
     split: Vec<u32>,
     /// The node's centre, and the frame it was chosen in.
     centres: Vec<(u32, u32)>,
+    /// The frame in which the tree was last represented.
+    represented: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +116,8 @@ impl Expander {
     }
 
     /// Chooses at most `count` nodes; every marked leaf lies below exactly one of them, unless there are more trees with
-    /// marked leaves than `count`: then the trees of most light are kept. Fewer come where nothing is left to split.
+    /// marked leaves than `count`: then the trees of most light are kept
+    /// (those of the frame before up to 1.25 times as long), and the others hide nothing. Fewer come where nothing is left to split.
     /// Order: by tree, then by node. Leaves without positive, finite light or a finite direction are not marked.
     pub fn expand(&mut self, trees: &[Marked<'_>], count: usize, by: Priority) -> &[Chosen] {
         self.frame = self.frame.wrapping_add(1).max(2);
@@ -127,6 +132,7 @@ impl Expander {
                 state.split.resize(nodes, 0);
                 state.centres.clear();
                 state.centres.resize(nodes, (0, 0));
+                state.represented = 0;
             }
             if state.sums.first().is_some_and(|root| root.marked > 0) {
                 let node = state.pass_through(marked.tree, 0);
@@ -134,11 +140,16 @@ impl Expander {
             }
         }
         if self.open.len() > count {
-            let light = |o: &Open| self.trees[o.tree as usize].sums[o.node as usize].light;
+            let light = |o: &Open| {
+                let state = &self.trees[o.tree as usize];
+                let held = state.represented == self.frame.wrapping_sub(1);
+                state.sums[o.node as usize].light * if held { TREE_HELD } else { 1.0 }
+            };
             self.open.sort_unstable_by(|a, b| light(b).total_cmp(&light(a)).then(a.tree.cmp(&b.tree)));
             self.open.truncate(count);
         }
         for i in 0..self.open.len() {
+            self.trees[self.open[i].tree as usize].represented = self.frame;
             self.open[i].priority = self.priority(trees, self.open[i], by);
         }
         while self.open.len() < count {

@@ -227,7 +227,8 @@ impl Work {
         out.vertex_light_is_held = !self.stands_in_room && self.vertex_light_is_held(input, &light, quality);
     }
 
-    /// Fits the shadow maps' cameras to what is seen of the shadows; what the maps hold is as it was.
+    /// Fits the shadow maps' cameras to what is seen of the shadows; what the maps hold is as it was. In a known room the hard
+    /// lights are its suns in their order, and those have maps that are among the frame's n lights.
     pub(in crate::engine) fn shadow_cameras(
         &mut self,
         input: &RelightInput<'_>,
@@ -248,6 +249,11 @@ impl Work {
             quality.shadow_map_texels,
             quality.pcf_taps,
         );
+        if self.stands_in_room {
+            self.find_room_lights(input, quality);
+            let (frame, suns) = (&self.room.frame, self.room.suns.len());
+            self.shadows.keep(|k| k >= suns || frame.has_sun_map(k));
+        }
     }
 
     fn maps_are_drawn(&self) -> bool {

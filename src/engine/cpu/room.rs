@@ -72,7 +72,7 @@ impl RoomWork {
         self.suns = SunShadows::default();
         self.triangles.clear();
         if let Some(known) = &known {
-            self.suns.load(known, SUN_TEXELS);
+            self.suns.load(&known.room, &known.suns, &known.field, SUN_TEXELS);
             let patches = &known.field.patches.patches;
             self.triangles.extend(patches.iter().flat_map(|patch| patch.triangles()));
         }
@@ -102,7 +102,7 @@ impl RoomWork {
         (self.first_triangle, &self.triangles)
     }
 
-    /// Finds the frame's lights and fits their maps.
+    /// Finds the frame's lights, near ones and suns, and fits the near ones' maps.
     pub(in crate::engine) fn find_lights(
         &mut self,
         objects: &ObjectGeometry,
@@ -111,12 +111,12 @@ impl RoomWork {
     ) {
         let Some(known) = &self.known else { return };
         let near = NearQuality {
-            lights: quality.shadow_maps.saturating_sub(self.suns.len()).max(1),
+            lights: quality.shadow_maps,
             texels: (quality.shadow_map_texels / NEAR_TEXELS_DIVISOR).max(64),
             places: quality.pcf_taps,
         };
         let camera = (input.lens, input.world_from_camera);
-        self.frame.update(&known.field, &self.proxies, &objects.positions, camera, &near);
+        self.frame.update_under(&self.suns, &known.field, &self.proxies, &objects.positions, camera, &near);
     }
 
     /// Draws the maps here.

@@ -53,8 +53,10 @@ pub struct Exchange {
     pub shadow_maps: KeptLayers,
     /// Depths from the near lights of a known room.
     pub point_maps: PointPages,
-    /// Objects over nothing.
+    /// Objects over nothing, in a part of the picture that holds them.
     pub object_layer: KeptTexture,
+    /// That part's first column and row.
+    pub object_origin: [u32; 2],
     /// What is left of the light on real surfaces.
     pub ratios: KeptTexture,
     /// What is taken of the soft light on real surfaces, and their inverse depth.
@@ -83,6 +85,7 @@ impl Exchange {
             shadow_maps: KeptLayers::result("shadow maps", SHADOW_MAP_FORMAT),
             point_maps: PointPages::new(),
             object_layer: KeptTexture::result("object layer", OBJECT_LAYER_FORMAT),
+            object_origin: [0, 0],
             ratios: KeptTexture::result("ratios", RATIOS_FORMAT),
             soft: KeptTexture::result("soft shadows", RATIOS_FORMAT),
             radiance: GrowingBuffer::storage("composed radiance"),
@@ -219,8 +222,13 @@ impl Exchange {
             let texels: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(&texels);
             let scale = [exposure, exposure, exposure, 1.0];
             twins.object_layer.reshape(size.0, size.1, [0.0; 4]);
-            for (pixel, texel) in twins.object_layer.pixels_mut().iter_mut().zip(texels) {
-                *pixel = std::array::from_fn(|i| f16::from_bits(texel[i]).to_f32() / scale[i]);
+            let [x, y] = self.object_origin.map(|first| first as usize);
+            let columns = (self.object_layer.size().0 as usize).min(size.0.saturating_sub(x));
+            let rows = twins.object_layer.pixels_mut().chunks_exact_mut(size.0.max(1)).skip(y);
+            for (row, texels) in rows.zip(texels.chunks_exact(columns.max(1))) {
+                for (pixel, texel) in row[x..x + columns].iter_mut().zip(texels) {
+                    *pixel = std::array::from_fn(|i| f16::from_bits(texel[i]).to_f32() / scale[i]);
+                }
             }
             self.object_place = Place::Both;
         }
@@ -238,6 +246,7 @@ impl Exchange {
             let texels: Vec<[u16; 4]> = layer.pixels().iter().map(half).collect();
             let (width, height) = (layer.width() as u32, layer.height() as u32);
             self.object_layer.upload(recorder.context, width, height, bytemuck::cast_slice(&texels));
+            self.object_origin = [0, 0];
             self.object_place = Place::Both;
         }
         self.object_layer.bind(recorder.context)

@@ -126,7 +126,7 @@ pub const SUBTRACT: Kernel = Kernel {
         source!("shared/point_lookup"),
         source!("nearfield/subtract"),
     ],
-    entries: &["vertex", "fragment", "nearest_room", "one_light", "after_all"],
+    entries: &["vertex", "fragment", "depth_alone", "nearest_room", "one_light", "after_all"],
     bindings: &[
         Binding::new("view", BindingKind::Uniform),
         Binding::new("cameras_near", BindingKind::Uniform),
@@ -170,6 +170,7 @@ pub const SUBTRACT_DISPLAYED: Kernel = Kernel {
     entries: &[
         "vertex",
         "fragment",
+        "depth_alone",
         "nearest_room",
         "one_light",
         "after_all",
@@ -292,7 +293,8 @@ pub const TONEMAP: Kernel = Kernel {
     entries: &["tonemap"],
     bindings: &[
         Binding::new("params", BindingKind::Uniform),
-        Binding::new("thresholds", BindingKind::Read),
+        Binding::new("thresholds", BindingKind::Floats),
+        Binding::new("starts", BindingKind::Uints),
         Binding::new("radiance", BindingKind::Read),
         Binding::new("display", BindingKind::Write),
     ],

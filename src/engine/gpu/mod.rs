@@ -3,6 +3,7 @@
 mod buffers;
 pub mod context;
 mod exchange;
+mod extents;
 pub mod kernel;
 pub mod kernels;
 pub mod live;

@@ -291,11 +291,12 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun`.
+    /// The suns of a known room, `nearfield/subtract`. Twin: `nearfield::sun_shadows`.
     SunTerms {
         /// Suns, 0, 0, 0.
         counts: [u32; 4],
-        /// Unit vector towards each (world frame), and its irradiance.
+        /// Unit vector towards each (world frame), and its irradiance; in the last w 1 + the number of the sun whose map of the
+        /// objects it is hidden by, or 0.
         suns: [[[f32; 4]; 2]; MAX_HARD_LIGHTS],
     }
 }
@@ -333,14 +334,14 @@ shared_struct! {
 shared_struct! {
     /// `compose/composite`.
     CompositeParams {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
+        /// Columns and rows of the picture; first column and row of the object layer.
+        size_origin: [u32; 4],
         /// Multiplies the object layer's colours.
         layer_scale: f32,
         /// Bit 0: there is an object layer; bit 1: there are ratios.
         present: u32,
+        /// Zeros.
+        unused: [u32; 2],
     }
 }
 
@@ -349,8 +350,8 @@ shared_struct! {
     TonemapParams {
         /// Groups of four pixels.
         quads: u32,
-        /// Invocations in one row of the dispatch.
-        row: u32,
+        /// The first cell of the start table.
+        first_cell: u32,
         /// Seconds of the shown exposure, at unit gain.
         exposure_s: f32,
         /// 32-bit floats of the picture.

@@ -202,7 +202,8 @@ impl Relighter {
             let (objects, transferred) = (&self.twins.objects, &self.twins.transferred);
             self.scene.update(context, objects, transferred, &self.twins.surfaces, cut);
         }
-        let view_params = view::view(input.lens, &mut self.domain, &camera, self.scene.near_m(camera.eye));
+        let view_params =
+            view::view(input.lens, &mut self.domain, &camera, self.scene.extents().near_m(camera.eye));
 
         let coarse = cpu::coarse_lens(input.lens, quality.soft_step_px);
         let coarse_size = (coarse.width as usize, coarse.height as usize);
@@ -355,9 +356,13 @@ impl Relighter {
                     let (picture, norm) = (input.environment, quality.phong_norm);
                     let surroundings = Surroundings::new(picture, &twins.reflected, norm, order);
                     let kernel = ready(&mut self.shade_object, context, ShadeObject::new)?;
-                    let layer = &mut exchange.object_layer;
+                    let seen = self.scene.extents().objects_seen(input.lens, &camera);
+                    let earlier: [u32; 2] = exchange.object_layer.size().into();
+                    let part = seen.kept_from(earlier, [input.lens.width, input.lens.height]);
+                    let layer = (&mut exchange.object_layer, part);
                     let samples = quality.coverage_samples;
                     kernel.run(&mut recorder, &mut self.scene, &frame, &surroundings, samples, layer)?;
+                    exchange.object_origin = part.origin;
                     exchange.object_place = Place::Device;
                 }
                 Pass::ShadeSurface => {
@@ -400,6 +405,7 @@ impl Relighter {
                         ratios: exchange.ratios_to_device(&recorder, twins),
                         has_objects: exchange.object_place.is_somewhere(),
                         has_ratios: exchange.ratio_place.is_somewhere(),
+                        origin: exchange.object_origin,
                         layer_scale: 1.0 / exposure,
                     };
                     let kernel = ready(&mut self.composite, context, Composite::new)?;

@@ -33,12 +33,14 @@ pub struct RoomMesh {
     /// Whether they are there, and for what they were cut.
     uploaded: Option<Option<Cut>>,
     halving: Halving,
+    /// The triangles as they were uploaded, and of which triangle of the room each is a part: none, `u32::MAX`.
+    triangles: Vec<([u32; 3], u32)>,
 }
 
 impl RoomMesh {
     /// None yet.
     pub fn new() -> Self {
-        Self { mesh: Mesh::new(), uploaded: None, halving: Halving::default() }
+        Self { mesh: Mesh::new(), uploaded: None, halving: Halving::default(), triangles: Vec::new() }
     }
 
     /// The next `update` uploads anew.
@@ -75,11 +77,13 @@ impl RoomMesh {
             }
         }
         let count = vertices.len() as u32 / 3;
-        let mut triangles: Vec<_> = (0..count).map(|t| ([3 * t, 3 * t + 1, 3 * t + 2], ())).collect();
+        let own = |t: u32| vertices.get(3 * t as usize).map_or(u32::MAX, |vertex| vertex.triangle);
+        self.triangles.clear();
+        self.triangles.extend((0..count).map(|t| ([3 * t, 3 * t + 1, 3 * t + 2], own(t))));
         if let Some(cut) = cut {
-            triangles = cut_long_edges(&mut self.halving, &mut vertices, &triangles, cut);
+            self.triangles = cut_long_edges(&mut self.halving, &mut vertices, &self.triangles, cut);
         }
-        let triangles: Vec<_> = triangles.into_iter().map(|(corners, ())| corners).collect();
+        let triangles: Vec<_> = self.triangles.iter().map(|&(corners, _)| corners).collect();
         self.mesh.write(context, &vertices, &triangles);
         self.uploaded = Some(cut);
     }
@@ -87,6 +91,23 @@ impl RoomMesh {
     /// Draws them all.
     pub fn draw(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
         self.mesh.draw(context, pass, 1);
+    }
+
+    /// Appends what was uploaded of the room's triangles with these numbers, as corners of the mesh.
+    pub fn parts_of(&self, is_chosen: impl Fn(usize) -> bool, out: &mut Vec<[u32; 3]>) {
+        let is_part = |own: u32| own != u32::MAX && is_chosen(own as usize);
+        out.extend(self.triangles.iter().filter(|(_, own)| is_part(*own)).map(|&(corners, _)| corners));
+    }
+
+    /// Draws such parts.
+    pub fn draw_parts(
+        &mut self,
+        context: &GpuContext,
+        pass: &mut wgpu::RenderPass<'_>,
+        parts: &wgpu::Buffer,
+        range: std::ops::Range<u32>,
+    ) {
+        self.mesh.draw_indices(context, pass, parts, range);
     }
 
     /// Draws some of the room's triangles by their numbers, in `chosen`'s memory; all, where they were cut.

@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::{
     buffers::{GrowingBuffer, write_bytes},
     context::GpuContext,
+    extents::Extents,
     params::{MaterialTerms, ObjectVertex, SurfaceVertex},
 };
 use crate::compose::geometry::{ObjectGeometry, SurfaceGeometry};
@@ -135,8 +136,7 @@ pub struct SceneBuffers {
     halving: Halving,
     /// Surfaces as a grid for soft shadows at its vertices.
     grid: Mesh,
-    /// Boxes around objects and around surfaces: low and high corner.
-    boxes: [Option<(Vec3, Vec3)>; 2],
+    extents: Extents,
 }
 
 impl SceneBuffers {
@@ -154,7 +154,7 @@ impl SceneBuffers {
             vertices: Vec::new(),
             halving: Halving::default(),
             grid: Mesh::new(),
-            boxes: [None; 2],
+            extents: Extents::default(),
         }
     }
 
@@ -185,10 +185,11 @@ impl SceneBuffers {
         let has_moved = !self.moved.is_empty();
         let is_cut_anew = self.uploaded != Some(cut);
         if self.uploaded.is_none() {
-            self.boxes = [box_around(&objects.positions), box_around(&surfaces.positions)];
+            self.extents.take_objects(objects);
+            self.extents.take_surfaces(surfaces);
             self.upload_materials(context, objects);
         } else if has_moved {
-            self.boxes[0] = box_around(&objects.positions);
+            self.extents.take_objects(objects);
             self.upload_moved(context, objects, soft);
         }
         self.moved.clear();
@@ -341,17 +342,9 @@ impl SceneBuffers {
         self.grid.draw(context, pass, 1);
     }
 
-    /// A distance from the eye that nothing in the scene comes nearer than, at most 1 m: where the depth range
-    /// may begin.
-    pub fn near_m(&self, eye: Vec3) -> f32 {
-        let nearest = self
-            .boxes
-            .iter()
-            .flatten()
-            .map(|&(low, high)| (eye - eye.clamp(low, high)).length())
-            .fold(2.0, f32::min);
-        // Half of it: the depth is measured along the axis, not along the ray.
-        (0.5 * nearest).clamp(1e-3, 1.0)
+    /// Boxes around all that was uploaded.
+    pub fn extents(&self) -> &Extents {
+        &self.extents
     }
 }
 
@@ -372,12 +365,6 @@ fn object_vertices<'a>(
 
 fn four([x, y, z]: [f32; 3], w: f32) -> [f32; 4] {
     [x, y, z, w]
-}
-
-fn box_around(positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
-    let mut finite = positions.iter().copied().filter(|p| p.is_finite());
-    let first = finite.next()?;
-    Some(finite.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
 }
 
 /// Half way between.
@@ -487,14 +474,5 @@ mod tests {
         let how = Cut { eye: Vec3::Z, longest_rad: 0.03, ..EVERYWHERE };
         let cut = cut_long_edges(&mut Halving::default(), &mut vertices, &[([0, 1, 2], ())], how);
         assert_eq!((cut.len(), vertices.len()), (2, 4), "only the diagonal of 35 mm at 1 m is halved");
-    }
-
-    #[test]
-    fn the_depth_range_begins_before_everything() {
-        let mut scene = SceneBuffers::new();
-        assert_eq!(scene.near_m(Vec3::ZERO), 1.0);
-        scene.boxes = [Some((Vec3::new(0.3, -1.0, -1.0), Vec3::ONE)), None];
-        assert!((scene.near_m(Vec3::ZERO) - 0.15).abs() < 1e-7);
-        assert_eq!(scene.near_m(Vec3::splat(0.5)), 1e-3);
     }
 }

@@ -90,7 +90,8 @@ impl KeptTexture {
         self.made.as_ref().is_some_and(|(_, _, lease)| lease.is_live())
     }
 
-    fn size(&self) -> (u32, u32) {
+    /// Columns and rows; 1 where it was never sized.
+    pub fn size(&self) -> (u32, u32) {
         let live = self.made.as_ref().filter(|(_, _, lease)| lease.is_live());
         live.map_or((1, 1), |(texture, ..)| (texture.width(), texture.height()))
     }

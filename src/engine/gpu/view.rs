@@ -221,13 +221,15 @@ pub fn near_lights(frame: &NearFrame, [tiles, maps, texels]: [u32; 3], out: &mut
     }
 }
 
-/// The suns of a known room.
-pub fn suns(suns: &SunShadows) -> params::SunTerms {
+/// The suns of a known room, and whose map of the objects each is hidden by in a frame.
+pub fn suns(suns: &SunShadows, frame: &NearFrame) -> params::SunTerms {
     let mut terms: params::SunTerms = bytemuck::Zeroable::zeroed();
     terms.counts[0] = suns.len().min(MAX_HARD_LIGHTS) as u32;
     for (k, slot) in terms.suns.iter_mut().enumerate() {
         if let Some((light, _)) = suns.get(k) {
-            *slot = [rgb4(light.to_light_world), rgb4(light.irradiance_rgb)];
+            let map = frame.sun_maps().get(k).copied().flatten().map_or(0, |map| map + 1);
+            let [r, g, b] = light.irradiance_rgb;
+            *slot = [rgb4(light.to_light_world), [r, g, b, map as f32]];
         }
     }
     terms

@@ -124,6 +124,27 @@ fn a_tie_that_trembles_does_not_flicker() {
     assert_ne!(first, second);
 }
 
+#[test]
+fn one_light_for_two_trees_stays_where_it_is() {
+    let (a, b) = (row(8, 0.5), row(16, 0.2));
+    let mut expander = Expander::default();
+    let of = |expander: &mut Expander, lights: [f32; 2]| {
+        let trees = [Lit::new(&a, &[lights[0] / 8.0; 8]), Lit::new(&b, &[lights[1] / 16.0; 16])];
+        let chosen = expander.expand(&[trees[0].marked(), trees[1].marked()], 1, Priority::ErrorRemoved);
+        assert_eq!(chosen.len(), 1);
+        chosen[0].tree
+    };
+    for first in 0..2u32 {
+        // Whichever was there first stays while both tremble by a tenth, and what lasts is followed.
+        let strong = |which: u32, ratio: f32| if which == 0 { [ratio, 1.0] } else { [1.0, ratio] };
+        assert_eq!(of(&mut expander, strong(first, 2.0)), first);
+        for frame in 0..10 {
+            assert_eq!(of(&mut expander, strong(frame % 2, 1.1)), first, "{frame}");
+        }
+        assert_eq!(of(&mut expander, strong(1 - first, 1.3)), 1 - first);
+    }
+}
+
 proptest! {
     #[test]
     fn every_marked_leaf_is_represented_once(

@@ -77,6 +77,13 @@ impl ShadowMaps {
         }
     }
 
+    /// Leaves out lights of [`Self::fit`] that are not wanted, by their number: nothing blocks them, and they have no map.
+    pub fn keep(&mut self, wanted: impl Fn(usize) -> bool) {
+        for (_, camera) in self.cameras.iter_mut().enumerate().filter(|(k, _)| !wanted(*k)) {
+            *camera = None;
+        }
+    }
+
     /// Draws the casters into every map, after [`Self::fit`].
     pub fn draw(&mut self, casters: &[Vec3], triangles: &[[u32; 3]]) {
         // Many maps keep all threads busy as they are; of few each is cut into bands.

@@ -54,10 +54,10 @@ impl Composite {
         let context = recorder.context;
         let (width, height) = (background.width() as u32, background.height() as u32);
         let params = CompositeParams {
-            width,
-            height,
+            size_origin: [width, height, layers.origin[0], layers.origin[1]],
             layer_scale: layers.layer_scale,
             present: u32::from(layers.has_objects) | u32::from(layers.has_ratios) << 1,
+            unused: [0; 2],
         };
         let bytes = bytemuck::cast_slice(background.pixels());
         let resources = [
@@ -78,8 +78,10 @@ impl Composite {
 
 /// What is laid over the background.
 pub struct Layers {
-    /// Object layer; any texture where there is none.
+    /// Object layer, a part of the picture; any texture where there is none.
     pub objects: Resource,
+    /// That part's first column and row.
+    pub origin: [u32; 2],
     /// Ratios; any texture where there are none.
     pub ratios: Resource,
     /// Whether there is an object layer.

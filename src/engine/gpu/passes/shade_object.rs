@@ -8,6 +8,7 @@ use crate::{
             buffers::GrowingBuffer,
             context::GpuContext,
             exchange::OBJECT_LAYER_FORMAT,
+            extents::Part,
             kernel::{BoundGroup, Built, Drawing, Resource},
             kernels,
             params::{self, ObjectVertex, SurfaceVertex},
@@ -112,7 +113,8 @@ impl ShadeObject {
         })
     }
 
-    /// Draws the scene's objects into the layer, which gets the lens' size; `coverage_samples` is 1 or 4.
+    /// Draws the scene's objects into the layer, which becomes `part` of the picture and has to hold all of them;
+    /// `coverage_samples` is 1 or 4.
     pub fn run(
         &mut self,
         recorder: &mut Recorder<'_>,
@@ -120,7 +122,7 @@ impl ShadeObject {
         frame: &Frame<'_>,
         surroundings: &Surroundings<'_>,
         coverage_samples: u32,
-        layer: &mut KeptTexture,
+        (layer, part): (&mut KeptTexture, Part),
     ) -> Result<(), EngineError> {
         let context = recorder.context;
         let samples = if coverage_samples == 1 { 1 } else { 4 };
@@ -150,7 +152,7 @@ impl ShadeObject {
             environment,
         ];
         let group = self.group.of(context, &self.built, &resources);
-        let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);
+        let [width, height] = part.size;
         let depth = self.depth.sized(context, width, height, samples);
         let layer = layer.sized(context, width, height, 1);
         let nothing = wgpu::Color::TRANSPARENT;
@@ -160,6 +162,9 @@ impl ShadeObject {
             cleared(self.samples.sized(context, width, height, samples), Some(layer), nothing)
         };
         recorder.draw(PASS, Targets { color, depth: Some((depth, 0.0)) }, |pass| {
+            // The whole picture's, as it lies around the part.
+            let [x, y] = part.origin.map(|first| -(first as f32));
+            pass.set_viewport(x, y, frame.view.frame[0], frame.view.frame[1], 0.0, 1.0);
             set(pass, Draws::SurfaceDepth);
             pass.set_bind_group(0, group, &[0]);
             scene.draw_surfaces(context, pass);

@@ -12,7 +12,7 @@ use crate::{
             buffers::GrowingBuffer,
             context::GpuContext,
             exchange::{RATIOS_FORMAT, SHADOW_MAP_FORMAT},
-            kernel::{BoundGroup, Built, Resource},
+            kernel::{BoundGroup, Built, Drawing, Resource},
             kernels, params,
             point_pages::{PointPages, Spread},
             recorder::{Recorder, Targets, cleared},
@@ -51,6 +51,18 @@ const STAGES: Stages = Stages {
     format: TAKEN_FORMAT,
 };
 
+/// All lights at what is nearest, made for suns or none, and for maps with a filter or none.
+fn lit(
+    context: &GpuContext,
+    built: &Built,
+    has_suns: bool,
+    is_hard: bool,
+) -> Result<wgpu::RenderPipeline, EngineError> {
+    let constants = [("HAS_SUNS", f64::from(u8::from(has_suns))), ("IS_HARD", f64::from(u8::from(is_hard)))];
+    let nearer = wgpu::CompareFunction::Equal;
+    built.drawing(context, &Drawing { nearer, constants: &constants, ..drawing("fragment", RATIOS_FORMAT) })
+}
+
 /// What the frame is drawn from.
 pub struct Subtraction<'a> {
     /// Camera and lens.
@@ -63,7 +75,7 @@ pub struct Subtraction<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Its suns.
     pub suns: &'a SunShadows,
-    /// The objects under each.
+    /// The objects under those that have a map in this frame, in their order.
     pub sun_cameras: &'a params::ShadowCameras,
     /// Their maps.
     pub sun_maps: Resource,
@@ -76,7 +88,13 @@ pub struct Subtraction<'a> {
 /// The kernel.
 pub struct Subtract {
     built: Built,
-    pipeline: wgpu::RenderPipeline,
+    /// Depth alone.
+    nearest: wgpu::RenderPipeline,
+    /// All lights at what is nearest: without suns and with them, with a filter and without.
+    pipelines: [Option<wgpu::RenderPipeline>; 4],
+    /// What is drawn with all lights, as corners of the room's mesh.
+    chosen: GrowingBuffer,
+    indices: Vec<[u32; 3]>,
     view: GrowingBuffer,
     cameras: GrowingBuffer,
     lights: GrowingBuffer,
@@ -105,10 +123,14 @@ impl Subtract {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         let built = Built::new(context, &kernels::SUBTRACT)?;
-        let pipeline = built.drawing(context, &drawing("fragment", RATIOS_FORMAT))?;
+        let depth = drawing("depth_alone", RATIOS_FORMAT);
+        let nearest = built.drawing(context, &Drawing { write: wgpu::ColorWrites::empty(), ..depth })?;
         Ok(Self {
             built,
-            pipeline,
+            nearest,
+            pipelines: [const { None }; 4],
+            chosen: GrowingBuffer::new("triangles with lights", wgpu::BufferUsages::INDEX),
+            indices: Vec::new(),
             view: GrowingBuffer::uniform("view"),
             cameras: GrowingBuffer::uniform("near cameras"),
             lights: GrowingBuffer::uniform("near lights"),
@@ -172,7 +194,7 @@ impl Subtract {
             pages.bind(context).ok_or_else(|| missing(Pass::PointMaps))?,
             self.ranges.bind(context),
             self.listed.bind(context),
-            self.suns.write(context, bytemuck::bytes_of(&view::suns(with.suns))),
+            self.suns.write(context, bytemuck::bytes_of(&view::suns(with.suns, with.frame))),
             self.sun_cameras.write(context, bytemuck::bytes_of(with.sun_cameras)),
             with.sun_maps.clone(),
             self.room_cameras.write(context, bytemuck::bytes_of(&view::room_cameras(with.suns))),
@@ -186,10 +208,10 @@ impl Subtract {
             frame: with.frame,
             first: with.first,
             lights,
-            has_suns: !with.suns.is_empty(),
+            has_suns: with.frame.sun_maps().iter().any(Option::is_some),
             size: (width, height),
         };
-        let (pass, pipeline, last) = if let Some(shown) = &with.shown {
+        let (pass, after, last) = if let Some(shown) = &with.shown {
             let Displayed { built, turns, group, .. } = {
                 let displayed = match &mut self.displayed {
                     Some(displayed) => displayed,
@@ -202,7 +224,7 @@ impl Subtract {
             turns.draw(recorder, &round, mesh, (group, depth))?;
             resources[TAKEN] = turns.taken(context);
             let (pipeline, last) = turns.after(context, built, &resources);
-            (Pass::SubtractDisplayed, pipeline, last)
+            (Pass::SubtractDisplayed, Some(pipeline), last)
         } else {
             let group = self.group.of(context, &self.built, &resources);
             if with.spread == Spread::Each {
@@ -213,19 +235,43 @@ impl Subtract {
                 turns.draw(recorder, &round, mesh, (group, depth))?;
                 resources[TAKEN] = turns.taken(context);
                 let (pipeline, last) = turns.after(context, &self.built, &resources);
-                (PASS, pipeline, last)
+                (PASS, Some(pipeline), last)
             } else {
-                (PASS, &self.pipeline, group)
+                (PASS, None, group)
             }
         };
+        let has_suns = !with.suns.is_empty();
+        self.indices.clear();
+        if after.is_none() {
+            mesh.parts_of(|t| has_suns || !with.frame.listed(t).is_empty(), &mut self.indices);
+        }
+        let corners = 3 * self.indices.len() as u32;
+        if corners > 0 {
+            self.chosen.write(context, bytemuck::cast_slice(&self.indices));
+        }
+        let chosen = self.chosen.at_least(context, 0);
+        let is_hard = self.near_lights.tiles_maps_texels_side[3] <= 1;
+        let lit = match &mut self.pipelines[usize::from(has_suns) + 2 * usize::from(is_hard)] {
+            Some(pipeline) => pipeline,
+            slot => slot.insert(lit(context, &self.built, has_suns, is_hard)?),
+        };
+        let nearest = &self.nearest;
         let ratios = ratios.sized(context, width, height, 1);
         let one = f64::from(1.0f32.to_bits());
         let untouched = wgpu::Color { r: one, g: one, b: one, a: 0.0 };
         let targets = Targets { color: cleared(ratios, None, untouched), depth: Some((depth, 0.0)) };
         recorder.draw(pass, targets, |pass| {
-            pass.set_pipeline(pipeline);
             pass.set_bind_group(0, last, &[0]);
-            mesh.draw(context, pass);
+            if let Some(after) = after {
+                pass.set_pipeline(after);
+                mesh.draw(context, pass);
+            } else if corners > 0 {
+                // Each pixel is shaded once, and only where some light may be taken.
+                pass.set_pipeline(nearest);
+                mesh.draw(context, pass);
+                pass.set_pipeline(lit);
+                mesh.draw_parts(context, pass, chosen, 0..corners);
+            }
         })
     }
 

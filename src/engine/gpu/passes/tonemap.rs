@@ -1,7 +1,7 @@
 //! `compose/tonemap` on the device. Twin: `compose::tonemap`.
 
 use crate::{
-    compose::tonemap::ToneTable,
+    compose::tonemap::{CELLS, ToneTable},
     engine::{
         EngineError,
         gpu::{
@@ -11,6 +11,7 @@ use crate::{
             kernels,
             params::TonemapParams,
             recorder::Recorder,
+            textures::KeptTexture,
         },
     },
     model::response::Response,
@@ -22,13 +23,16 @@ const PASS: Pass = Pass::Tonemap;
 const LANES: u32 = 64;
 /// Workgroups in one row of a dispatch.
 const ROW_GROUPS: u32 = 1024;
+/// Cells in a row of `starts`.
+const CELLS_A_ROW: u32 = 256;
 
 /// The kernel with its buffers.
 pub struct Tonemap {
     built: Built,
     pipeline: wgpu::ComputePipeline,
     params: GrowingBuffer,
-    thresholds: GrowingBuffer,
+    thresholds: KeptTexture,
+    starts: KeptTexture,
     display: GrowingBuffer,
     group: BoundGroup,
     table: Option<ToneTable>,
@@ -43,7 +47,8 @@ impl Tonemap {
             built,
             pipeline,
             params: GrowingBuffer::uniform("tonemap params"),
-            thresholds: GrowingBuffer::storage("thresholds"),
+            thresholds: KeptTexture::uploaded("thresholds", wgpu::TextureFormat::R32Float),
+            starts: KeptTexture::uploaded("starts of values", wgpu::TextureFormat::R32Uint),
             display: GrowingBuffer::storage("display"),
             group: BoundGroup::default(),
             table: None,
@@ -61,12 +66,18 @@ impl Tonemap {
     ) -> Result<(), EngineError> {
         let context = recorder.context;
         let table = self.table.get_or_insert_with(|| ToneTable::of(response));
-        table.update(response);
+        if table.update(response) || !(self.thresholds.is_live() && self.starts.is_live()) {
+            self.thresholds.upload(context, 256, 3, bytemuck::cast_slice(&table.thresholds));
+            let rows = CELLS as u32 / CELLS_A_ROW;
+            self.starts.upload(context, CELLS_A_ROW, rows, bytemuck::cast_slice(&table.starts));
+        }
         let quads = pixels.div_ceil(4) as u32;
-        let params = TonemapParams { quads, row: LANES * ROW_GROUPS, exposure_s, floats: 3 * pixels as u32 };
+        let params =
+            TonemapParams { quads, first_cell: table.first_cell, exposure_s, floats: 3 * pixels as u32 };
         let resources = [
             self.params.write(context, bytemuck::bytes_of(&params)),
-            self.thresholds.write(context, bytemuck::cast_slice(&table.thresholds)),
+            self.thresholds.bind(context),
+            self.starts.bind(context),
             radiance,
             self.display.bind(context, 12 * quads as usize),
         ];

@@ -62,7 +62,7 @@ pub struct Round<'a> {
     pub first: usize,
     /// How many lights.
     pub lights: u32,
-    /// Whether there are suns, which have the turn after them.
+    /// Whether objects may hide something of the suns, which have the turn after them.
     pub has_suns: bool,
     /// Pixels of the target.
     pub size: (u32, u32),
