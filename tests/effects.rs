@@ -301,6 +301,13 @@ fn apart(plan: &Picture, all: &Picture) -> f32 {
     pairs.map(|(p, a)| if p == a { 0.0 } else { (p - a).abs() / p.abs().max(1e-9) }).fold(0.0, f32::max)
 }
 
+#[rustfmt::skip]
+const OBJECTS: [&str; 7] =
+    ["light", "object depth", "object layer", "object samples", "shadow cameras", "surroundings", "view"];
+#[rustfmt::skip]
+const NEAR_MAPS: [&str; 7] =
+    ["indices", "near cameras", "near depth", "near lights", "near maps", "pages of near maps", "vertices"];
+
 /// What a pass needs on a device, written down here once more; `has_picture`: of the place, for mirrors.
 fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
     let list: &[&str] = match pass {
@@ -315,9 +322,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "soft shadows",
             "soft terms",
         ],
-        Pass::PointMaps => {
-            &["indices", "near cameras", "near depth", "near maps", "pages of near maps", "vertices"]
-        }
+        Pass::PointMaps => &NEAR_MAPS,
         Pass::Subtract => &[
             "indices",
             "listed lights",
@@ -334,15 +339,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
             "vertices",
             "view",
         ],
-        Pass::ShadeObject => &[
-            "light",
-            "object depth",
-            "object layer",
-            "object samples",
-            "shadow cameras",
-            "surroundings",
-            "view",
-        ],
+        Pass::ShadeObject => &OBJECTS,
         Pass::ShadeSurface => &["light", "ratios", "shadow cameras", "soft picture", "surface depth", "view"],
         Pass::Composite => &["background", "composed radiance", "composed radiance", "composite params"],
         Pass::Tonemap => &["display", "display", "starts of values", "thresholds", "tonemap params"],

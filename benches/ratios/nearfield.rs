@@ -123,7 +123,10 @@ pub fn run() {
             let report = field.report();
             let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
             let [mark, choose, rows] = frames(&field, &SunShadows::default(), 10);
-            let [mark_suns, choose_suns, _] = frames(&field, &suns(&room, &field), 10);
+            let begin = Instant::now();
+            let two = suns(&room, &field);
+            let suns_s = begin.elapsed().as_secs_f64();
+            let [mark_suns, choose_suns, _] = frames(&field, &two, 10);
             let costs = [prepare_s, mib(report.bytes), mark + choose];
             // Exponents of the growth since the row above.
             let exponent = |i: usize, (n, old): (f64, [f64; 3])| {
@@ -133,7 +136,7 @@ pub fn run() {
                 std::array::from_fn(|i| before.map_or_else(|| "-".into(), |row| exponent(i, row)));
             before = Some((report.patches as f64, costs));
             println!(
-                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({}); {:7}; {:.2} {:.2} {:.2} ({}); {mark:.3} + {choose:.3} = {:.3} ({}), with two suns {:.3}, {rows:.3}",
+                "    {:5} patches, {:4} sources: {divide_s:.3} {prepare_s:.3} ({}); {:7}; {:.2} {:.2} {:.2} ({}); {mark:.3} + {choose:.3} = {:.3} ({}), with two suns {:.3} (ready in {suns_s:.3} s), {rows:.3}",
                 report.patches,
                 report.sources,
                 growth[0],

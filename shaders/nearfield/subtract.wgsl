@@ -156,7 +156,7 @@ fn part_of(seen: Seen, corner: vec2<i32>) -> vec4<f32> {
 fn blocked_of(seen: Seen, i: u32) -> vec3<f32> {
     let corner = listed_at(i);
     let a = textureLoad(listed, corner, 0);
-    let visible = point_visibility(u32(a.w), seen.point_world, seen.normal, part_of(seen, corner));
+    let visible = point_visibility(u32(a.w), seen.point_world, part_of(seen, corner));
     if visible >= 1.0 {
         return vec3<f32>(0.0);
     }

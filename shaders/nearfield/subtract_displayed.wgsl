@@ -107,7 +107,7 @@ fn one_displayed(seen: Seen) -> @location(0) vec4<f32> {
     if low >= range.y || u32(textureLoad(listed, listed_at(low), 0).w) != turn.light.x {
         discard;
     }
-    let visible = point_visibility(turn.light.x, seen.point_world, seen.normal, part_of(seen, listed_at(low)));
+    let visible = point_visibility(turn.light.x, seen.point_world, part_of(seen, listed_at(low)));
     if visible >= 1.0 {
         discard;
     }

@@ -1,9 +1,10 @@
-// Depth of the virtual objects' stand-ins seen from near lights, many lights in one pass: an instance is a light, and its
-// map a tile of the page that is drawn to. Twin: src/visibility/point_maps.rs.
+// Depth of the virtual objects' stand-ins seen from near lights, many lights in one pass: an instance is a place on a light,
+// and its view a square of the light's tile of the page that is drawn to. Twin: src/visibility/point_maps.rs.
 // The depth's bits go to an integer target, as in visibility/shadow_maps.
 
 @group(0) @binding(0) var<uniform> cameras: PointCameras;
 @group(0) @binding(1) var<uniform> page: PointPage;
+@group(0) @binding(2) var<uniform> lights: PointLights;
 
 struct PointPage {
     // The page's first light, tiles a side, texels a side of a tile, 0.
@@ -12,22 +13,34 @@ struct PointPage {
 
 struct Seen {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(flat) tile: vec2<u32>,
+    // First texel of the view in its page.
+    @location(0) @interpolate(flat) first: vec2<u32>,
+}
+
+// Texels a side of a view.
+fn view_texels() -> u32 {
+    return page.first_tiles_texels.z / lights.tiles_maps_texels_side.w;
 }
 
 @vertex
 fn vertex(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u32) -> Seen {
-    let camera = cameras.cameras[page.first_tiles_texels.x + instance];
+    let n = lights.tiles_maps_texels_side.w;
+    let tile = instance / (n * n);
+    let cell = vec2<u32>(instance % n, instance / n % n);
+    let k = page.first_tiles_texels.x + tile;
+    let camera = cameras.cameras[k];
+    let corner = point_corner(camera);
+    let view = point_view(lights.half_axes[k], corner, cell, n);
+    let at = point_seen(camera, corner, position);
     let tiles = page.first_tiles_texels.y;
     let texels = page.first_tiles_texels.z;
     let side = f32(tiles * texels);
-    let at = point_mapped(camera, position);
     var seen: Seen;
-    seen.tile = vec2<u32>(instance % tiles, instance / tiles);
-    let x = at.x + f32(seen.tile.x * texels) * at.z;
-    let y = at.y + f32(seen.tile.y * texels) * at.z;
+    seen.first = vec2<u32>(tile % tiles, tile / tiles) * texels + cell * view_texels();
+    let w = at.z - view.ahead;
+    let xy = at.xy - view.aside + (view.start + vec2<f32>(seen.first)) * w;
     // Behind the near plane 0 <= z <= w: the hardware cuts triangles there.
-    seen.clip = vec4<f32>(2.0 * x / side - at.z, at.z - 2.0 * y / side, at.z - camera.place_near.w, at.z);
+    seen.clip = vec4<f32>(2.0 * xy.x / side - w, w - 2.0 * xy.y / side, w - camera.place_near.w, w);
     if camera.place_near.w <= 0.0 {
         seen.clip = vec4<f32>(0.0, 0.0, -1.0, 1.0);
     }
@@ -36,7 +49,8 @@ fn vertex(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u
 
 @fragment
 fn fragment(seen: Seen) -> @location(0) vec4<u32> {
-    if any(vec2<u32>(seen.clip.xy) / page.first_tiles_texels.z != seen.tile) {
+    let texel = vec2<u32>(seen.clip.xy);
+    if any(texel < seen.first) || any(texel >= seen.first + view_texels()) {
         discard;
     }
     // z / w = 1 - near / w.

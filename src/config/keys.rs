@@ -408,7 +408,7 @@ pub const KEYS: &[Key] = &[
         "quality.pcf_taps",
         "taps",
         Range::Integer(1, 8),
-        "Side of the percentage-closer filter: 4 = 4x4 taps.",
+        "Side of the percentage-closer filter: 4 = 4x4 taps. In a known room each light casts its shadow from 4x4 places on it.",
         |s| Value::Integer(i64::from(s.quality.pcf_taps)),
         |s, v| s.quality.pcf_taps = integer(v) as u32
     ),

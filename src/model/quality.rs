@@ -181,7 +181,8 @@ pub struct Quality {
     pub phong_norm: PhongNorm,
     /// Shadow map texels a side, 64 to 4096.
     pub shadow_map_texels: u32,
-    /// Taps a side of the percentage-closer filter, 1 to 8.
+    /// Taps a side of the percentage-closer filter, 1 to 8. In a known room: places a side on each light that its shadow comes
+    /// from.
     pub pcf_taps: u32,
     /// How a known room's light is taken away.
     pub near_form: NearForm,

@@ -14,7 +14,7 @@ use crate::{
     math::{lens::Lens, pose::Pose},
     sources::expand::Priority,
     visibility::{
-        point_maps::{LightPlaces, PlaceReads, PointMaps, SeenPart},
+        point_maps::{PlaceReads, PointLight, PointMaps, SeenPart},
         proxies::Proxies,
     },
 };
@@ -23,8 +23,6 @@ use rayon::prelude::*;
 
 /// Lights of a frame at most: 256 cameras fill the uniform block of 16 KiB that every device has.
 pub const MOST_LIGHTS: usize = 256;
-/// The maps look no wider off their axis than this tangent.
-const WIDEST: f32 = 5.7;
 /// Triangles that one task sorts.
 const CHUNK: usize = 64;
 
@@ -33,9 +31,9 @@ const CHUNK: usize = 64;
 pub struct NearQuality {
     /// Lights at most, suns among them: 1 to [`MOST_LIGHTS`].
     pub lights: usize,
-    /// Texels a side of each map.
+    /// Texels a side of each light's square of maps.
     pub texels: u32,
-    /// Places of each light that its shadow is filtered over, a side: 1 draws hard shadows from the source in the middle of
+    /// Places of each light that its shadow is drawn from, a side: 1 draws hard shadows from the source in the middle of
     /// each light, as in [Gib03]; up to 8.
     pub places: u32,
 }
@@ -50,12 +48,9 @@ pub struct NearFrame {
     rows: Vec<[f32; 3]>,
     /// Which part of each light each vertex sees, in the order of `rows`; empty for hard shadows.
     parts: Vec<SeenPart>,
-    /// How far each light's parts go along its half axes.
-    part_reach: Vec<[f32; 2]>,
     casters: Vec<Vec3>,
     boxes: Vec<Aabb>,
     maps: PointMaps,
-    places: Vec<LightPlaces>,
     reads: Vec<PlaceReads>,
     /// Radiant intensity of each light along its normal: sum of radiance times area.
     intensities: Vec<[f32; 3]>,
@@ -108,27 +103,22 @@ impl NearFrame {
         let hard = quality.places <= 1;
         self.parts.clear();
         if !hard {
-            self.chosen.light_parts(field, &self.marks, &mut self.parts, &mut self.part_reach);
+            self.chosen.light_parts(field, &self.marks, &mut self.parts);
         }
         let place = |light: &Representative| if hard { light.centre_world } else { light.middle_world };
         self.intensities.clear();
         let (marks, chosen) = (&self.marks, self.chosen.near());
         self.intensities.extend(chosen.iter().map(|light| intensity(field, marks, light)));
-        let fronts = self.chosen.near().iter().map(|light| (place(light), light.normal_world));
-        self.maps.fit(fronts, &self.casters, quality.texels);
-        self.places.clear();
-        let cameras = self.maps.cameras();
-        self.places.extend(self.chosen.near().iter().zip(cameras).map(|(light, camera)| {
-            let half_axes = if hard { [Vec3::ZERO; 2] } else { light.half_axes_world };
-            let side = quality.places.clamp(1, 8);
-            let along = |v: Vec3| camera.as_ref().map_or([0.0; 3], |c| c.along_axes(v));
-            LightPlaces { half_axes: half_axes.map(along), side }
-        }));
+        let lights = self.chosen.near().iter().map(|light| PointLight {
+            place_world: place(light),
+            half_axes_world: light.half_axes_world,
+            front: light.normal_world,
+        });
+        self.maps.fit(lights, quality.places, &self.casters, quality.texels);
         self.reads.clear();
-        self.reads.extend(self.places.iter().enumerate().map(|(k, places)| {
-            let reach = self.part_reach.get(k).copied().unwrap_or_default();
-            PlaceReads::new(places, reach_m(places, reach))
-        }));
+        let cameras = self.maps.cameras();
+        self.reads
+            .extend(cameras.iter().map(|camera| camera.as_ref().map_or(PlaceReads::NONE, PlaceReads::new)));
     }
 
     /// Draws the maps, on the CPU.
@@ -142,8 +132,8 @@ impl NearFrame {
         let lights = self.chosen.near().len();
         self.ranges.resize(triangles.len(), [0; 2]);
         self.chunks.resize_with(triangles.len().div_ceil(CHUNK), Vec::new);
-        let Self { marks, rows, maps, reads, ranges, chunks, vertices, .. } = self;
-        let (marks, rows, maps, reads, vertices) = (&*marks, &*rows, &*maps, &*reads, *vertices);
+        let Self { marks, rows, maps, ranges, chunks, vertices, .. } = self;
+        let (marks, rows, maps, vertices) = (&*marks, &*rows, &*maps, *vertices);
         let parts = ranges.par_chunks_mut(CHUNK).zip(triangles.par_chunks(CHUNK)).zip(chunks.par_iter_mut());
         parts.for_each(|((ranges, triangles), chunk)| {
             chunk.clear();
@@ -157,8 +147,7 @@ impl NearFrame {
                     let row = |k: usize, v: u32| rows.get(k * vertices + v as usize).copied();
                     chunk.extend((0..lights).filter_map(|k| {
                         let shines = triangle.iter().any(|&v| row(k, v).is_some_and(|rgb| rgb != [0.0; 3]));
-                        let reach_m = reads[k].reach_m();
-                        (shines && maps.may_shadow(k, &corners, reach_m, is_drawn)).then_some(k as u16)
+                        (shines && maps.may_shadow(k, &corners, is_drawn)).then_some(k as u16)
                     }));
                 }
                 *range = [begin, chunk.len() as u32];
@@ -217,12 +206,7 @@ impl NearFrame {
         &self.intensities
     }
 
-    /// What each light's filter goes over.
-    pub fn places(&self) -> &[LightPlaces] {
-        &self.places
-    }
-
-    /// The same, made ready to read each light's map.
+    /// The views of each light, made ready to be read.
     pub fn reads(&self) -> &[PlaceReads] {
         &self.reads
     }
@@ -263,13 +247,6 @@ fn intensity(field: &NearField, marks: &Marks, light: &Representative) -> [f32; 
         sum.iter_mut().zip(source.radiance_rgb).for_each(|(sum, l)| *sum += l * area_m2);
     }
     sum
-}
-
-/// How far a light's places move what a map is read at, metres at the light, where its parts go `reach` times its half axes.
-fn reach_m(places: &LightPlaces, reach: [f32; 2]) -> f32 {
-    let [u, v] = places.half_axes;
-    let along = |k: usize| reach[0] * u[k].abs() + reach[1] * v[k].abs();
-    if places.side > 1 { along(0).hypot(along(1)) + WIDEST * along(2) } else { 0.0 }
 }
 
 #[cfg(test)]

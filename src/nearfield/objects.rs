@@ -32,17 +32,9 @@ pub fn white_at(
             continue;
         }
         let share = FRAC_1_PI * cosine * ahead / square;
-        let visible = match frame.maps().get(k) {
-            Some((camera, map)) => match camera.map(point_world) {
-                Some(mapped) => {
-                    // Vertices lie in no plane: a little before the surface nothing of it is in the way.
-                    let slope = camera.slope(point_world, normal);
-                    point_maps::visibility(map.depth(), camera, &frame.places()[k], WHOLE, mapped, slope)
-                }
-                None => 1.0,
-            },
-            None => 1.0,
-        };
+        let visible = frame.maps().get(k).map_or(1.0, |(camera, maps)| {
+            point_maps::visibility(maps, camera, WHOLE, point_world, Some(normal))
+        });
         for c in 0..3 {
             let e = share * intensity[c];
             near[c] += e;

@@ -143,18 +143,10 @@ impl Representatives {
     }
 
     /// Which part of each near light each vertex sees, as [`Representatives::light_rows`] lists what arrives there: the room
-    /// itself hides the rest, and what is near sends more. `reach` gets for each light how far its parts go along its half
-    /// axes at most.
-    pub fn light_parts(
-        &mut self,
-        field: &NearField,
-        marks: &Marks,
-        out: &mut Vec<SeenPart>,
-        reach: &mut Vec<[f32; 2]>,
-    ) {
+    /// itself hides the rest, and what is near sends more.
+    pub fn light_parts(&mut self, field: &NearField, marks: &Marks, out: &mut Vec<SeenPart>) {
         let vertices = field.patches.vertices.len();
         out.resize(self.near.len() * vertices, SeenPart::WHOLE);
-        reach.clear();
         self.shapes.want(marks.vertices(), vertices);
         self.shape.resize(vertices, [0.0; 5]);
         for (light, parts) in self.near.iter().zip(out.chunks_mut(vertices.max(1))) {
@@ -176,7 +168,6 @@ impl Representatives {
             });
             field.transfers().add_to(factors, &mut self.shapes);
             self.shapes.take(&mut self.shape);
-            let mut most = [0.0f32; 2];
             for (part, [light, a, b, aa, bb]) in parts.iter_mut().zip(&self.shape) {
                 if !(*light > 0.0) {
                     continue;
@@ -185,12 +176,7 @@ impl Representatives {
                 // Even light over half a length h has the variance h^2 / 3.
                 let half = [aa - a * a, bb - b * b].map(|v| (3.0 * v.max(0.0)).sqrt());
                 *part = SeenPart::of([a, b], half);
-                let (middle, half) = part.middle_half();
-                for k in 0..2 {
-                    most[k] = most[k].max(middle[k].abs() + half[k]);
-                }
             }
-            reach.push(most);
         }
     }
 

@@ -9,6 +9,7 @@ use crate::{
     visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps},
 };
 use glam::Vec3;
+use std::cell::OnceCell;
 
 /// Light at or below this counts as none: nothing to take away, the ratio is 1.
 pub const TINY_LIGHT: f32 = 1e-12;
@@ -58,77 +59,113 @@ pub fn at_points<const N: usize>(
     let out = &mut out[..count];
     let (corners, normal, points) = (run.corners, run.normal, run.points_world);
     let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
-    let (mut all, mut blocked) = ([[0.0f32; 3]; N], [[0.0f32; 3]; N]);
+    let kept = OnceCell::new();
+    let weights = || kept.get_or_init(|| lanes(count, &weights));
+    let (mut all, mut blocked) = ([[0.0f32; 3]; N], [[0.0f32; N]; 3]);
     if !with.suns.is_empty() {
         for i in 0..count {
             let maps = with.frame.sun_maps();
-            [all[i], blocked[i]] = with.suns.at(point(i), normal, maps, with.sun_shadows, with.taps);
+            let [arrives, hidden] = with.suns.at(point(i), normal, maps, with.sun_shadows, with.taps);
+            all[i] = arrives;
+            blocked.iter_mut().zip(hidden).for_each(|(blocked, hidden)| blocked[i] = hidden);
         }
     }
-    each_hidden(with, run, &weights, count, |light, visible| {
-        let sent = corners.map(|v| with.frame.sent(light, v));
-        for (i, (visible, blocked)) in visible.iter().zip(&mut blocked).enumerate().take(count) {
-            if *visible < 1.0 {
-                let light = interpolated(&sent, weights(i));
-                for (b, l) in blocked.iter_mut().zip(light) {
-                    *b += l * (1.0 - visible);
+    each_hidden(with, run, &weights, |light, visible| {
+        let (sent, weights) = (corners.map(|v| with.frame.sent(light, v)), weights());
+        widest(
+            #[inline(always)]
+            || {
+                for (c, blocked) in blocked.iter_mut().enumerate() {
+                    let sent = sent.map(|sent| sent[c]);
+                    for i in 0..N {
+                        blocked[i] += interpolated(&sent, weights, i) * (1.0 - visible[i]);
+                    }
                 }
-            }
-        }
+            },
+        );
     });
     let lit = corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
     for (i, out) in out.iter_mut().enumerate() {
-        *out = if blocked[i] == [0.0; 3] {
+        let blocked = [0, 1, 2].map(|c: usize| blocked[c][i]);
+        *out = if blocked == [0.0; 3] {
             [1.0; 3]
         } else {
-            let gathered = interpolated(&lit, weights(i));
             std::array::from_fn(|c| {
-                let whole = all[i][c] + gathered[c];
-                if whole > TINY_LIGHT { (1.0 - blocked[i][c] / whole).clamp(0.0, 1.0) } else { 1.0 }
+                let whole = all[i][c] + interpolated(&lit.map(|lit| lit[c]), weights(), i);
+                if whole > TINY_LIGHT { (1.0 - blocked[c] / whole).clamp(0.0, 1.0) } else { 1.0 }
             })
         };
     }
 }
 
-/// Gives each light of a run's triangle that is not seen from all of its first `count` points, and the share of it that each of
-/// them sees; `weights` as in [`at_points`].
-pub(super) fn each_hidden<const N: usize>(
+/// Corner by corner, the weights at the first `count` points of a run; the last of them stands in for the rest.
+pub(super) fn lanes<const N: usize>(count: usize, weights: impl Fn(usize) -> [f32; 3]) -> [[f32; N]; 3] {
+    let mut lanes = [[0.0; N]; 3];
+    let mut last = [0.0; 3];
+    for i in 0..N {
+        if i < count {
+            last = weights(i);
+        }
+        lanes.iter_mut().zip(last).for_each(|(lane, weight)| lane[i] = weight);
+    }
+    lanes
+}
+
+/// Gives each light of a run's triangle that is not seen from all of its points, and the share of it that each of them sees;
+/// `weights` of the triangle's corners at each, asked for where something is near.
+pub(super) fn each_hidden<'a, const N: usize>(
     with: &SubtractFrame<'_>,
     run: &RoomPoints<'_, N>,
-    weights: &impl Fn(usize) -> [f32; 3],
-    count: usize,
+    weights: &impl Fn() -> &'a [[f32; N]; 3],
     mut each: impl FnMut(usize, &[f32; N]),
 ) {
-    let (corners, normal, points, frame) = (run.corners, run.normal, run.points_world, with.frame);
-    let point = |i: usize| Vec3::from_array(points.map(|axis| axis[i]));
-    let ends = [point(0), point(count.max(1) - 1)];
+    let (corners, points, frame) = (run.corners, run.points_world, with.frame);
     for &k in frame.listed(run.triangle) {
         let light = usize::from(k);
-        let (Some((camera, map)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
+        let (Some((camera, maps)), Some(reads)) = (frame.maps().get(light), frame.reads().get(light)) else {
             continue;
         };
-        if !frame.maps().may_shadow(light, &ends, reads.reach_m(), true) {
-            continue;
-        }
-        let sent = corners.map(|v| frame.sent(light, v));
         let part = || {
             let parts = corners.map(|v| frame.part(light, v).middle_half());
-            let mut seen = [[0.0; N]; 4];
-            for i in 0..N {
-                let ([a, b], [c, d]) = seen_part(&parts, &sent, weights(i.min(count - 1)));
-                seen.iter_mut().zip([a, b, c, d]).for_each(|(seen, v)| seen[i] = v);
-            }
-            seen
+            seen_parts(&parts, &corners.map(|v| frame.sent(light, v)), weights())
         };
         let visible = widest(
             #[inline(always)]
-            || reads.visibility(map, camera, points, normal, part),
+            || reads.visibility(maps, camera, points, part),
         );
-        if visible[..count].iter().all(|v| *v >= 1.0) {
-            continue;
+        if let Some(visible) = visible.filter(|visible| visible.iter().any(|v| *v < 1.0)) {
+            each(light, &visible);
         }
-        each(light, &visible);
     }
+}
+
+/// [`seen_part`] of neighbours: middles along both half axes, half lengths along both.
+#[inline(always)]
+fn seen_parts<const N: usize>(
+    parts: &[([f32; 2], [f32; 2]); 3],
+    sent: &[[f32; 3]; 3],
+    weights: &[[f32; N]; 3],
+) -> [[f32; N]; 4] {
+    let sums = sent.map(|[r, g, b]| r + g + b);
+    let mut light = [[0.0f32; N]; 3];
+    let mut whole = [0.0f32; N];
+    for i in 0..N {
+        for k in 0..3 {
+            light[k][i] = (if weights[k][i] > 0.0 { weights[k][i] } else { 0.0 }) * sums[k];
+        }
+        whole[i] = light[0][i] + light[1][i] + light[2][i];
+    }
+    let mean = |of: [f32; 3], without: f32| {
+        let mut mean = [0.0f32; N];
+        for i in 0..N {
+            let sum = light[0][i] * of[0] + light[1][i] * of[1] + light[2][i] * of[2];
+            mean[i] = if whole[i] > 0.0 { sum / whole[i] } else { without };
+        }
+        mean
+    };
+    let of = |axis: usize| [parts.map(|(middle, _)| middle[axis]), parts.map(|(_, half)| half[axis])];
+    let ([middle_u, half_u], [middle_v, half_v]) = (of(0), of(1));
+    [mean(middle_u, 0.0), mean(middle_v, 0.0), mean(half_u, 1.0), mean(half_v, 1.0)]
 }
 
 /// Which part of a light a point of a triangle sees: between its corners' by the light that comes of each (`sent`), and their
@@ -151,8 +188,8 @@ pub fn seen_part(
     (mean(parts.map(|part| part.0)), mean(parts.map(|part| part.1)))
 }
 
-/// Between the corners of a triangle.
-pub(super) fn interpolated(corners: &[[f32; 3]; 3], weights: [f32; 3]) -> [f32; 3] {
-    let [a, b, c] = corners;
-    std::array::from_fn(|i| weights[0] * a[i] + weights[1] * b[i] + weights[2] * c[i])
+/// Between the corners of a triangle, at point `i` of a run.
+#[inline(always)]
+pub(super) fn interpolated<const N: usize>([a, b, c]: &[f32; 3], weights: &[[f32; N]; 3], i: usize) -> f32 {
+    weights[0][i] * a + weights[1][i] * b + weights[2][i] * c
 }

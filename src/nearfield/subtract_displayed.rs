@@ -24,7 +24,7 @@
 
 use super::{
     frame::NearFrame,
-    subtract::{self, RoomPoints, SubtractFrame, TINY_LIGHT, interpolated},
+    subtract::{self, RoomPoints, SubtractFrame, TINY_LIGHT, interpolated, lanes},
 };
 use crate::model::response::Response;
 
@@ -167,6 +167,10 @@ pub fn at_points<const N: usize>(
     let count = out.len().min(N);
     let out = &mut out[..count];
     let lit = run.corners.map(|v| with.field.gathered_rgb.get(v as usize).copied().unwrap_or([0.0; 3]));
+    let weights = lanes(count, weights);
+    let between = |of: &[[f32; 3]; 3], i: usize| -> [f32; 3] {
+        std::array::from_fn(|c| interpolated(&of.map(|of| of[c]), &weights, i))
+    };
     let (mut whole, mut suns, mut taken) = ([[0.0f32; 3]; N], [[0.0f32; 3]; N], [[0.0f32; 3]; N]);
     let mut shown = [[0u8; 3]; N];
     let linear = |i: usize, shown: &[[u8; 3]; N]| -> [f32; 3] {
@@ -175,7 +179,7 @@ pub fn at_points<const N: usize>(
     for i in 0..count {
         let background = exposures(i);
         shown[i] = std::array::from_fn(|c| curve.shown(c, background[c]));
-        let gathered = interpolated(&lit, weights(i));
+        let gathered = between(&lit, i);
         let mut hidden = [0.0; 3];
         if !with.suns.is_empty() {
             let point = run.points_world.map(|axis| axis[i]).into();
@@ -191,12 +195,11 @@ pub fn at_points<const N: usize>(
             }
         }
     }
-    subtract::each_hidden(&with, run, &weights, count, |light, visible| {
+    subtract::each_hidden(&with, run, &|| &weights, |light, visible| {
         let sent = run.corners.map(|v| with.frame.sent(light, v));
         let before = run.corners.map(|v| lights.before(light, v));
         for i in (0..count).filter(|&i| visible[i] < 1.0) {
-            let weights = weights(i);
-            let (sent, before) = (interpolated(&sent, weights), interpolated(&before, weights));
+            let (sent, before) = (between(&sent, i), between(&before, i));
             let x = linear(i, &shown);
             for c in (0..3).filter(|&c| whole[i][c] > TINY_LIGHT) {
                 let earlier = if lights.is_second(light) { before[c] + suns[i][c] } else { before[c] };

@@ -155,14 +155,14 @@ fn a_lamp_within_an_object_has_a_sound_map() {
                 "{camera:?}"
             );
             for p in &casters {
-                if let Some([x, y, depth]) = camera.map(*p) {
+                if let Some([x, y, depth]) = camera.map(0, *p) {
                     assert!(
                         x.is_finite() && y.is_finite() && (0.0..1.0).contains(&depth),
                         "{aside}: {x} {y} {depth}"
                     );
                 }
             }
-            let slope = camera.slope(Vec3::new(1.0, 0.0, 0.0), Vec3::Y);
+            let slope = camera.slope(0, Vec3::new(1.0, 0.0, 0.0), Vec3::Y);
             assert!(slope.iter().all(|s| s.is_finite()), "a receiver whose plane holds the lamp: {slope:?}");
         }
     }

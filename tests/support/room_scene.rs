@@ -162,7 +162,6 @@ pub struct Shadows {
     pub lights: Representatives,
     pub rows: Vec<[f32; 3]>,
     pub parts: Vec<SeenPart>,
-    reach: Vec<[f32; 2]>,
 }
 
 impl Shadows {
@@ -171,7 +170,7 @@ impl Shadows {
         self.marks.mark(field, &[object.bounds], Some(&self.view));
         self.lights.choose(field, &self.marks, &[object.bounds], None, count, by);
         self.lights.light_rows(field, &self.marks, &mut self.rows);
-        self.lights.light_parts(field, &self.marks, &mut self.parts, &mut self.reach);
+        self.lights.light_parts(field, &self.marks, &mut self.parts);
     }
 
     /// Radiance taken away at every pixel: sum over lights of rho L_xk where the object hides light k, L_xk interpolated

@@ -182,8 +182,8 @@ impl Shadow {
             let (mut chosen, mut rows) = (Representatives::default(), Vec::new());
             chosen.choose(field, &marks, &objects, None, count, Priority::ErrorRemoved);
             chosen.light_rows(field, &marks, &mut rows);
-            let (mut parts, mut reach) = (Vec::new(), Vec::new());
-            chosen.light_parts(field, &marks, &mut parts, &mut reach);
+            let mut parts = Vec::new();
+            chosen.light_parts(field, &marks, &mut parts);
             (chosen.near().to_vec(), rows, parts)
         });
         Ok(Self { bvh: Bvh::build(&positions, &triangles), lights })

@@ -339,7 +339,9 @@ impl Work {
         }
         let maps = |k: usize| size_of_val(self.shadows.depth(k));
         let near = self.room.frame.maps();
-        let near_map = |k: usize| if near.get(k).is_some() { size_of_val(near.depth(k)) } else { 0 };
+        let near_map = |k: usize| {
+            near.get(k).map_or(0, |(_, maps)| maps.iter().map(|map| size_of_val(map.depth())).sum())
+        };
         out.clear();
         for (name, bytes) in [
             ("near maps", (0..near.cameras().len()).map(near_map).sum()),

@@ -104,8 +104,14 @@ pub const POINT_MAPS: Kernel = Kernel {
     bindings: &[
         Binding::new("cameras", BindingKind::Uniform),
         Binding::new("page", BindingKind::UniformAtOffset),
+        Binding::new("lights", BindingKind::Uniform),
     ],
-    structs: &[params::PointCamera::LAYOUT, params::PointCameras::LAYOUT, params::PointPage::LAYOUT],
+    structs: &[
+        params::PointCamera::LAYOUT,
+        params::PointCameras::LAYOUT,
+        params::PointPage::LAYOUT,
+        params::PointLights::LAYOUT,
+    ],
 };
 
 /// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio. `fragment` loops over its

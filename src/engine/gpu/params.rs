@@ -272,11 +272,12 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// The extents of all near lights, `shared/point_lookup`. Twin: `visibility::point_maps::LightPlaces`.
+    /// The places of all near lights, `shared/point_camera`. Twin: `visibility::point_maps::PointCamera`.
     PointLights {
         /// Tiles a side of a page, maps a page, texels a side of a map, places a side of each light.
         tiles_maps_texels_side: [u32; 4],
-        /// Half axes in the camera's axes, metres; the first one's fourth is the texel's side one metre off, metres.
+        /// Half axes in the camera's axes, metres; the first one's fourth is the texel's side one metre off, metres, the
+        /// second one's how far a view is shifted, texels for a metre aside.
         half_axes: [[[f32; 4]; 2]; MOST_LIGHTS],
     }
 }

@@ -1,5 +1,5 @@
 //! The maps of near lights on the device: tiles of pages, so that many lights are drawn in one pass. Light k is tile
-//! `k % maps_a_page` of page `k / maps_a_page`.
+//! `k % maps_a_page` of page `k / maps_a_page`; its views are squares of the tile.
 
 use super::{context::GpuContext, exchange::SHADOW_MAP_FORMAT, kernel::Resource, textures::KeptLayers};
 use crate::{
@@ -39,7 +39,7 @@ impl PointPages {
 
     /// Makes room for a map for each camera; what the pages held is lost where they have to grow.
     pub fn lay(&mut self, context: &GpuContext, cameras: &[Option<PointCamera>], spread: Spread) {
-        let Some(texels) = cameras.iter().flatten().map(|c| c.texels).next() else { return };
+        let Some(texels) = cameras.iter().flatten().map(|c| c.texels * c.side).next() else { return };
         let most = (context.device.limits().max_texture_dimension_2d.min(LARGEST_SIDE) / texels).max(1);
         let needed = match spread {
             Spread::Together => (cameras.len() as f64).sqrt().ceil() as u32,
@@ -95,7 +95,8 @@ impl PointPages {
                 texels = bytemuck::pod_collect_to_vec(&bytes);
             }
             let rows = (0..side).filter_map(|y| texels.get(start + y * row..start + y * row + side));
-            maps.set_depth(k, rows.flatten().copied().collect());
+            let square: Vec<f32> = rows.flatten().copied().collect();
+            maps.set_square(k, &square);
         }
         Ok(())
     }
@@ -108,7 +109,7 @@ impl PointPages {
         for k in 0..maps.cameras().len() {
             let (page, start) = self.place(k);
             if maps.get(k).is_some() {
-                for (y, from) in maps.depth(k).chunks_exact(side).enumerate() {
+                for (y, from) in maps.square(k).chunks_exact(side).enumerate() {
                     if let Some(to) = texels.get_mut(start + y * row..start + y * row + side) {
                         to.copy_from_slice(from);
                     }

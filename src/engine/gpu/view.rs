@@ -208,15 +208,16 @@ pub fn near_cameras(cameras: &[Option<point_maps::PointCamera>], out: &mut param
     }
 }
 
-/// Their extents, and how their maps are spread: tiles a side of a page, maps a page, texels a side of a map.
+/// Their places, and how their maps are spread: tiles a side of a page, maps a page, texels a side of a map.
 pub fn near_lights(frame: &NearFrame, [tiles, maps, texels]: [u32; 3], out: &mut params::PointLights) {
-    let side = frame.places().first().map_or(1, |places| places.side);
+    let cameras = frame.maps().cameras();
+    let side = cameras.iter().flatten().next().map_or(1, |camera| camera.side);
     out.tiles_maps_texels_side = [tiles, maps, texels, side];
-    let lights = frame.places().iter().zip(frame.maps().cameras());
-    for (slot, (places, camera)) in out.half_axes.iter_mut().zip(lights) {
-        let texel = camera.as_ref().map_or(1.0, |camera| camera.texel);
-        let [[a, b, c], v] = places.half_axes;
-        *slot = [[a, b, c, texel], rgb4(v)];
+    for (slot, camera) in out.half_axes.iter_mut().zip(cameras) {
+        *slot = camera.as_ref().map_or(bytemuck::Zeroable::zeroed(), |camera| {
+            let [[a, b, c], [d, e, f]] = camera.half_axes;
+            [[a, b, c, camera.texel], [d, e, f, camera.shift]]
+        });
     }
 }
 

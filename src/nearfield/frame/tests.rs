@@ -1,5 +1,8 @@
 use super::*;
-use crate::{nearfield::fixture, visibility::point_maps::WHOLE};
+use crate::{
+    nearfield::fixture,
+    visibility::point_maps::{WHOLE, visibility},
+};
 use glam::DVec3;
 
 const QUALITY: NearQuality = NearQuality { lights: 12, texels: 128, places: 3 };
@@ -51,29 +54,17 @@ fn every_light_that_loses_something_on_a_triangle_is_listed() {
                     continue;
                 }
                 let corners = triangle.map(|v| field.patches.vertices[v as usize].position_world);
-                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
                 for k in 0..frame.lights().len() {
                     if triangle.iter().all(|&v| frame.sent(k, v) == [0.0; 3]) {
                         continue;
                     }
-                    let Some((camera, map)) = frame.maps().get(k) else { continue };
+                    let Some((camera, maps)) = frame.maps().get(k) else { continue };
                     let loses = (0..15).any(|i| {
                         let (a, b) = ((0.13 * i as f32).fract(), (0.37 * i as f32).fract());
                         let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
                         let point =
                             corners[0] + a * (corners[1] - corners[0]) + b * (corners[2] - corners[0]);
-                        camera.map(point).is_some_and(|mapped| {
-                            let slope = camera.slope(point, normal);
-                            let places = &frame.places()[k];
-                            crate::visibility::point_maps::visibility(
-                                map.depth(),
-                                camera,
-                                places,
-                                WHOLE,
-                                mapped,
-                                slope,
-                            ) < 1.0
-                        })
+                        visibility(maps, camera, WHOLE, point, None) < 1.0
                     });
                     losing += usize::from(loses);
                     assert!(!loses || frame.listed(t).contains(&(k as u16)), "light {k}, triangle {t}");
@@ -136,11 +127,8 @@ fn an_object_around_the_lamp_takes_all_its_light_and_one_around_the_camera_what_
     let (lens, pose) = camera();
     let seen = |frame: &NearFrame, point: Vec3| -> Vec<f32> {
         let of = |k: usize| {
-            let (camera, map) = frame.maps().get(k)?;
-            let mapped = camera.map(point)?;
-            let slope = camera.slope(point, Vec3::Z);
-            let places = &frame.places()[k];
-            Some(crate::visibility::point_maps::visibility(map.depth(), camera, places, WHOLE, mapped, slope))
+            let (camera, maps) = frame.maps().get(k)?;
+            Some(visibility(maps, camera, WHOLE, point, None))
         };
         (0..frame.lights().len()).map(|k| of(k).unwrap_or(1.0)).collect()
     };

@@ -1,6 +1,9 @@
 //! The CPU's depth rasteriser of shadow maps.
 
-use super::{BAND_ROWS, EMPTY_DEPTH, ShadowCamera, reach::Reach};
+use super::{
+    BAND_ROWS, EMPTY_DEPTH, ShadowCamera,
+    reach::{LEAST_TEXELS, Reach, SMALL_TEXELS},
+};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -17,6 +20,8 @@ pub struct ShadowMap {
     /// For each row of tiles, where casters were drawn last.
     held: Vec<u64>,
     reach: Reach,
+    /// Tiles are as small as they may be, for reads without a filter.
+    small_tiles: bool,
 }
 
 /// A projected vertex: column and row in 1/256 texel, and depth.
@@ -34,6 +39,11 @@ impl Vertex {
 }
 
 impl ShadowMap {
+    /// An empty one that is read without a filter.
+    pub(in crate::visibility) fn of_small_tiles() -> Self {
+        Self { small_tiles: true, ..Self::default() }
+    }
+
     /// Depths, row by row; `EMPTY_DEPTH` where nothing is.
     pub fn depth(&self) -> &[f32] {
         &self.depth
@@ -64,7 +74,8 @@ impl ShadowMap {
     fn clear(&mut self, side: usize) {
         self.depth.clear();
         self.depth.resize(side * side, EMPTY_DEPTH);
-        self.reach = Reach::empty(side);
+        let least = if self.small_tiles { SMALL_TEXELS } else { LEAST_TEXELS };
+        self.reach = Reach::empty(side, least);
         self.held.clear();
         self.held.resize(side.div_ceil(self.reach.tile()), 0);
     }

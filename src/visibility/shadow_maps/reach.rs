@@ -4,7 +4,9 @@
 const MOST: usize = 64;
 /// Texels a side of a tile at least: above half of the widest filter (8 taps) and its rounding, so that a filter around a
 /// position looks no farther than the next tile.
-const LEAST_TEXELS: usize = 16;
+pub const LEAST_TEXELS: usize = 16;
+/// Of maps that are read without a filter.
+pub const SMALL_TEXELS: usize = 4;
 
 /// A bit for each tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,9 +31,9 @@ fn bits(first: usize, last: usize) -> u64 {
 }
 
 impl Reach {
-    /// Nothing in a map of `side` texels a side.
-    pub fn empty(side: usize) -> Self {
-        Self { tile: side.div_ceil(MOST).max(LEAST_TEXELS), ..Self::default() }
+    /// Nothing in a map of `side` texels a side, in tiles of at least so many.
+    pub fn empty(side: usize, least_texels: usize) -> Self {
+        Self { tile: side.div_ceil(MOST).max(least_texels), ..Self::default() }
     }
 
     /// Texels a side of a tile.
@@ -73,6 +75,15 @@ impl Reach {
     pub fn is_near(&self, x: f32, y: f32) -> bool {
         let of = |v: f32| (v as usize / self.tile).min(MOST - 1);
         self.near[of(y)] >> of(x) & 1 == 1
+    }
+
+    /// Whether a caster may be at some position of a box: low and high corner, texels, anywhere.
+    #[inline(always)]
+    pub fn is_held_box(&self, low: [f32; 2], high: [f32; 2]) -> bool {
+        let of = |v: f32| v as usize / self.tile;
+        let columns = bits(of(low[0]), of(high[0]));
+        let rows = of(low[1]).min(MOST)..(of(high[1]) + 1).min(MOST);
+        self.held.get(rows).unwrap_or(&[]).iter().any(|row| row & columns != 0)
     }
 
     /// Whether a caster may be within the filter around some position of a box: low and high corner, texels, anywhere.

@@ -196,7 +196,7 @@ fn near_light() {
                 "{camera:?}"
             );
             prop_assert!(camera.rows.as_flattened().iter().all(|r| r.is_finite()), "{camera:?}");
-            let slope = camera.slope(casters[0], front);
+            let slope = camera.slope(0, casters[0], front);
             prop_assert!(slope.iter().all(|s| s.is_finite()), "{slope:?}");
         }
         Ok(())

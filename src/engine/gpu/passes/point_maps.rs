@@ -36,6 +36,8 @@ pub struct PointMaps {
     casters: Mesh,
     depth: KeptTexture,
     near_cameras: Box<params::PointCameras>,
+    lights: GrowingBuffer,
+    near_lights: Box<params::PointLights>,
 }
 
 impl PointMaps {
@@ -66,10 +68,12 @@ impl PointMaps {
             casters: Mesh::new(),
             depth: KeptTexture::scratch("near depth", wgpu::TextureFormat::Depth32Float),
             near_cameras: bytemuck::zeroed_box(),
+            lights: GrowingBuffer::uniform("near lights"),
+            near_lights: bytemuck::zeroed_box(),
         })
     }
 
-    /// Draws the stand-ins (`triangles` of the frame's casters) into every light's map: all in one pass, or in as many as
+    /// Draws the stand-ins (`triangles` of the frame's casters) into all views of every light's map: all in one pass, or in as many as
     /// `spread` and the device's largest texture ask for.
     pub fn run(
         &mut self,
@@ -83,6 +87,9 @@ impl PointMaps {
         let cameras = frame.maps().cameras();
         pages.lay(context, cameras, spread);
         view::near_cameras(cameras, &mut self.near_cameras);
+        let spread = [pages.tiles(), pages.maps_a_page() as u32, pages.texels()];
+        view::near_lights(frame, spread, &mut self.near_lights);
+        let [.., places] = self.near_lights.tiles_maps_texels_side;
         let count = cameras.len().min(MOST_LIGHTS);
         self.casters.write(context, frame.casters(), triangles);
         self.bytes.clear();
@@ -97,6 +104,7 @@ impl PointMaps {
         let resources = [
             self.cameras.write(context, bytemuck::bytes_of(&*self.near_cameras)),
             Resource::Window(window, size_of::<params::PointPage>() as u64),
+            self.lights.write(context, bytemuck::bytes_of(&*self.near_lights)),
         ];
         let group = self.group.of(context, &self.built, &resources);
         let side = pages.tiles() * pages.texels();
@@ -104,7 +112,7 @@ impl PointMaps {
         let empty = wgpu::Color { r: f64::from(EMPTY_DEPTH.to_bits()), ..wgpu::Color::TRANSPARENT };
         for (k, first) in (0..count).step_by(pages.maps_a_page()).enumerate() {
             let Some(layer) = pages.layer(k) else { continue };
-            let instances = (count - first).min(pages.maps_a_page()) as u32;
+            let instances = (count - first).min(pages.maps_a_page()) as u32 * places * places;
             let targets = Targets { color: cleared(layer, None, empty), depth: Some((depth, EMPTY_DEPTH)) };
             recorder.draw(PASS, targets, |pass| {
                 pass.set_pipeline(&self.pipeline);

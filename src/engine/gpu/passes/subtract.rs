@@ -241,9 +241,10 @@ impl Subtract {
             }
         };
         let has_suns = !with.suns.is_empty();
+        let sun_is_hidden = with.frame.sun_maps().iter().any(Option::is_some);
         self.indices.clear();
         if after.is_none() {
-            mesh.parts_of(|t| has_suns || !with.frame.listed(t).is_empty(), &mut self.indices);
+            mesh.parts_of(|t| sun_is_hidden || !with.frame.listed(t).is_empty(), &mut self.indices);
         }
         let corners = 3 * self.indices.len() as u32;
         if corners > 0 {
