@@ -97,16 +97,17 @@ fn table(shared: &Path, id: &str) -> Vec<Row> {
 /// rays of our own, which have no noise; the reference's is 0.087 for the raised box at the window, about 0.03 for the others
 /// there.
 ///
-/// Wanted were 0.20, 0.08 and 0.04, and 0.02 of the light.
+/// Wanted were 0.20, 0.08 and 0.04, and 0.02 of the light. Missed by the box under the table at the window, 0.047 with all
+/// lights for 0.028 by rays, whose pixels are means over four places.
 ///
 /// The box under the lamp's table is no measure against rays (see `f3.rs`): its figures are against the reference.
 const KNOWN: [(&str, &str, [f64; 3], [f64; 3]); 6] = [
-    ("f3_ceiling_light", "table", [0.0170, 0.0099, 0.0106], [-0.0024, 0.0003, 0.0005]),
-    ("f3_ceiling_light", "raised", [0.0242, 0.0155, 0.0145], [0.0078, 0.0058, 0.0060]),
-    ("f3_ceiling_light", "under", [0.1616, 0.1326, 0.1390], [0.0880, 0.0677, 0.0720]),
-    ("f3_window_ceiling_patch", "table", [0.0494, 0.0264, 0.0193], [0.0130, 0.0080, 0.0065]),
-    ("f3_window_ceiling_patch", "raised", [0.1307, 0.0526, 0.0357], [0.0120, -0.0020, -0.0013]),
-    ("f3_window_ceiling_patch", "under", [0.0606, 0.0532, 0.0521], [-0.0280, -0.0240, -0.0240]),
+    ("f3_ceiling_light", "table", [0.0193, 0.0105, 0.0107], [-0.0020, 0.0000, 0.0000]),
+    ("f3_ceiling_light", "raised", [0.0228, 0.0149, 0.0143], [0.0070, 0.0060, 0.0050]),
+    ("f3_ceiling_light", "under", [0.1546, 0.1249, 0.1396], [0.0640, 0.0430, 0.0540]),
+    ("f3_window_ceiling_patch", "table", [0.0499, 0.0256, 0.0193], [0.0080, 0.0060, 0.0070]),
+    ("f3_window_ceiling_patch", "raised", [0.1179, 0.0488, 0.0357], [0.0130, -0.0030, -0.0030]),
+    ("f3_window_ceiling_patch", "under", [0.0569, 0.0480, 0.0469], [-0.0150, -0.0120, -0.0110]),
 ];
 
 #[test]

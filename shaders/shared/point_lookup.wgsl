@@ -22,6 +22,11 @@ fn cell_share(cell: vec2<u32>, n: u32, low: vec2<f32>, high: vec2<f32>) -> f32 {
     return length.x * length.y;
 }
 
+// a / b of small numbers: software devices divide integers one by one.
+fn divided(a: u32, b: u32) -> u32 {
+    return u32((f32(a) + 0.5) / f32(b));
+}
+
 // Of a part of light k.
 fn point_visibility(k: u32, point_world: vec3<f32>, part: vec4<f32>) -> f32 {
     let camera = cameras_near.cameras[k];
@@ -30,28 +35,37 @@ fn point_visibility(k: u32, point_world: vec3<f32>, part: vec4<f32>) -> f32 {
     let seen = point_seen(camera, corner, point_world);
     let half_axes = lights.half_axes[k];
     let tiles = lights.tiles_maps_texels_side.x;
-    let tile = k % lights.tiles_maps_texels_side.y;
+    let page = divided(k, lights.tiles_maps_texels_side.y);
+    let tile = k - page * lights.tiles_maps_texels_side.y;
+    let tile_row = divided(tile, tiles);
     let texels = lights.tiles_maps_texels_side.z;
-    let n = lights.tiles_maps_texels_side.w;
-    let side = texels / n;
-    let first = vec2<u32>(tile % tiles, tile / tiles) * texels;
-    let page = i32(k / lights.tiles_maps_texels_side.y);
+    let n = places_a_side();
+    let side = divided(texels, n);
+    let first = vec2<u32>(tile - tile_row * tiles, tile_row) * texels;
     let half = max(part.zw, vec2<f32>(LEAST_HALF));
     let low = part.xy - half;
     let high = part.xy + half;
     var hidden = 0.0;
-    for (var i = 0u; i < n * n; i += 1u) {
-        let cell = vec2<u32>(i % n, i / n);
+    // The end is looked for after each turn: software devices run one more where it is looked for before.
+    var cell = vec2<u32>(0u);
+    loop {
         let view = point_view(half_axes, corner, cell, n);
         let w = seen.z - view.ahead;
         let inverse = 1.0 / w;
         let at = floor((seen.xy - view.aside) * inverse + view.start);
         if near_m > 0.0 && w > near_m && all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(f32(side))) {
             let texel = vec2<i32>(first + cell * side + vec2<u32>(at));
-            let stored = bitcast<f32>(textureLoad(point_maps, texel, page, 0).x);
+            let stored = bitcast<f32>(textureLoad(point_maps, texel, i32(page), 0).x);
             if stored < 1.0 - near_m * inverse {
                 hidden += select(1.0, cell_share(cell, n, low, high), n > 1u);
             }
+        }
+        continuing {
+            cell.x += 1u;
+            if cell.x == n {
+                cell = vec2<u32>(0u, cell.y + 1u);
+            }
+            break if cell.y >= n;
         }
     }
     let open = 1.0 - hidden;

@@ -13,8 +13,8 @@ struct PointPage {
 
 struct Seen {
     @builtin(position) clip: vec4<f32>,
-    // First texel of the view in its page.
-    @location(0) @interpolate(flat) first: vec2<u32>,
+    // First texel of the view in its page, and texels a side of it.
+    @location(0) @interpolate(flat) first_side: vec3<u32>,
 }
 
 // Texels a side of a view.
@@ -36,9 +36,10 @@ fn vertex(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u
     let texels = page.first_tiles_texels.z;
     let side = f32(tiles * texels);
     var seen: Seen;
-    seen.first = vec2<u32>(tile % tiles, tile / tiles) * texels + cell * view_texels();
+    let first = vec2<u32>(tile % tiles, tile / tiles) * texels + cell * view_texels();
+    seen.first_side = vec3<u32>(first, view_texels());
     let w = at.z - view.ahead;
-    let xy = at.xy - view.aside + (view.start + vec2<f32>(seen.first)) * w;
+    let xy = at.xy - view.aside + (view.start + vec2<f32>(first)) * w;
     // Behind the near plane 0 <= z <= w: the hardware cuts triangles there.
     seen.clip = vec4<f32>(2.0 * xy.x / side - w, w - 2.0 * xy.y / side, w - camera.place_near.w, w);
     if camera.place_near.w <= 0.0 {
@@ -50,7 +51,8 @@ fn vertex(@location(0) position: vec3<f32>, @builtin(instance_index) instance: u
 @fragment
 fn fragment(seen: Seen) -> @location(0) vec4<u32> {
     let texel = vec2<u32>(seen.clip.xy);
-    if any(texel < seen.first) || any(texel >= seen.first + view_texels()) {
+    // Divided in the vertex stage: software devices divide integers one by one.
+    if any(texel < seen.first_side.xy) || any(texel >= seen.first_side.xy + seen.first_side.z) {
         discard;
     }
     // z / w = 1 - near / w.

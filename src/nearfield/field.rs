@@ -36,7 +36,7 @@ pub struct Preparation {
 
 impl Default for Preparation {
     /// As in [Gib03]: 70 % of the power; one ray each. Of each vertex's light 0.5 % may be neglected in place of its 2 %,
-    /// which were up to 1.3 % of a shadow's light on the reference's F3, for hardly a byte more.
+    /// which were about 0.6 % of a shadow's light on the reference's F3, for hardly a byte more.
     fn default() -> Self {
         Self { power_share: 0.7, rays_side: 1, neglected: 0.005 }
     }
