@@ -185,10 +185,10 @@ fn report(
     }
     for planned in &drawn.plan.passes {
         let ms = drawn.timings.iter().find(|t| t.pass == planned.pass).map_or(0.0, |t| t.ms);
-        println!("  {:<24}{ms:8.2} ms  {}", planned.pass.name(), planned.reason);
+        println!("  {:<30}{ms:8.2} ms  {}", planned.pass.name(), planned.reason);
     }
     for planned in &drawn.plan.left_out {
-        println!("  {:<24}left out     {}", planned.pass.name(), planned.reason);
+        println!("  {:<30}left out     {}", planned.pass.name(), planned.reason);
     }
     if let Some(comparison) = comparison {
         print!("{comparison}");

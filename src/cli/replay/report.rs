@@ -144,13 +144,13 @@ impl Report {
         }
         let _ = writeln!(out, "\npasses of the last picture");
         for planned in &self.last_plan.passes {
-            let _ = writeln!(out, "  {:<24}{}", planned.pass.name(), planned.reason);
+            let _ = writeln!(out, "  {:<30}{}", planned.pass.name(), planned.reason);
         }
         for planned in &self.last_plan.kept {
-            let _ = writeln!(out, "  {:<24}kept: {}", planned.pass.name(), planned.reason);
+            let _ = writeln!(out, "  {:<30}kept: {}", planned.pass.name(), planned.reason);
         }
         for planned in &self.last_plan.left_out {
-            let _ = writeln!(out, "  {:<24}left out: {}", planned.pass.name(), planned.reason);
+            let _ = writeln!(out, "  {:<30}left out: {}", planned.pass.name(), planned.reason);
         }
         let rows = [
             ("light direction error", "deg", after_warm_up(&self.frames, |f| f.direction_error_deg)),
