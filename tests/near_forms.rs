@@ -140,10 +140,10 @@ fn many_lights_show_the_known_errors() {
         (mean, most)
     };
     let [one, many @ ..] = [1, 4, 10, 50].map(run);
-    // One light is exact but for rounding. Of more, measured: 1.0, 1.1 and 1.5 values too bright in the mean, and 75 to 78 where
-    // all of them are hidden (spec 9).
+    // One light is exact but for rounding. Of more, measured: 0.7, 1.8 and 1.0 values too bright in the mean, and 82 to 87 where
+    // all of them are hidden: 2 T(L/2) - T(L) - T(0) (spec 9), which is 85.5 for the exposure of 0.49, and each light's rounding.
     assert!(one.0.abs() < 0.05 && one.1 <= 1, "{one:?}");
     for (mean, most) in many {
-        assert!(mean > 0.5 && mean < 2.0 && (50..=85).contains(&most), "{mean} {most}");
+        assert!(mean > 0.5 && mean < 2.0 && (50..=90).contains(&most), "{mean} {most}");
     }
 }
