@@ -117,7 +117,8 @@ impl Expander {
 
     /// Chooses at most `count` nodes; every marked leaf lies below exactly one of them, unless there are more trees with
     /// marked leaves than `count`: then the trees of most light are kept
-    /// (those of the frame before up to 1.25 times as long), and the others hide nothing. Fewer come where nothing is left to split.
+    /// (those of the frame before until another sends 1.25 times their light), and the others hide nothing. Fewer come where
+    /// nothing is left to split.
     /// Order: by tree, then by node. Leaves without positive, finite light or a finite direction are not marked.
     pub fn expand(&mut self, trees: &[Marked<'_>], count: usize, by: Priority) -> &[Chosen] {
         self.frame = self.frame.wrapping_add(1).max(2);

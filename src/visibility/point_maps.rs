@@ -150,21 +150,21 @@ impl PointMaps {
             }
             (before < N).then_some((low, high, before > 0))
         };
-        let (mut low, mut high, mut all_before) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], true);
+        let (mut low, mut high, mut before) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], 0);
         for view in camera.outermost() {
             match within(view) {
                 Some((.., true)) => return true,
                 Some((l, h, false)) => {
-                    all_before = false;
                     for i in 0..2 {
                         (low[i], high[i]) = (low[i].min(l[i]), high[i].max(h[i]));
                     }
                 }
-                None => {}
+                None => before += 1,
             }
         }
-        if all_before {
-            return false;
+        if before > 0 {
+            // Before the near planes of all places, or of some: then other places may see a part of it anywhere.
+            return before < camera.outermost().len();
         }
         // What lies between the outermost views, to a texel.
         let side = camera.texels as f32 + 1.0;
