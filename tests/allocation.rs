@@ -7,7 +7,7 @@ mod sys;
 
 use glam::Vec3;
 use halflight::config::Settings;
-use halflight::daemon::run::prepare;
+use halflight::daemon::{host::Host, run::prepare};
 use halflight::model::{
     room::{Face, Room, RoomSun, RoomSurface},
     time::Timestamp,
@@ -61,7 +61,7 @@ fn desk() -> Settings {
 }
 
 fn frames_of_the_pipeline(settings: &Settings) {
-    let mut prepared = prepare(settings).unwrap();
+    let mut prepared = prepare(settings, &Host::default()).unwrap();
     let frames: Vec<_> =
         (0..WARM_UP + MEASURED).map(|_| prepared.source.next_frame(Timestamp(i64::MAX)).unwrap()).collect();
     let mut relit = 0;

@@ -8,7 +8,7 @@ use halflight::animate::posed::Posed;
 use halflight::assets::{scene, spheres};
 use halflight::compose::{shade_object::LightTerms, soft_shadow};
 use halflight::config::settings::Settings;
-use halflight::daemon::run::prepare;
+use halflight::daemon::{host::Host, run::prepare};
 use halflight::model::{
     blocker::Rung,
     light::{Lights, RadianceSh},
@@ -28,7 +28,7 @@ fn run(scene: &Path, frames: usize) -> (Vec<Vec<[f32; 3]>>, usize) {
         scene_file: scene.display().to_string(),
         ..Settings::default()
     };
-    let mut prepared = prepare(&settings).unwrap();
+    let mut prepared = prepare(&settings, &Host::default()).unwrap();
     let (mut pictures, mut relit) = (Vec::new(), 0);
     for _ in 0..frames {
         let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();

@@ -3,7 +3,7 @@
 
 use halflight::{
     config::Settings,
-    daemon::run::prepare,
+    daemon::{host::Host, run::prepare},
     model::{quality::Effects, time::Timestamp},
     plan::{Effect, LARGEST_ERROR, Pass, Verdict},
 };
@@ -23,11 +23,11 @@ fn bare(effects: Effects) -> Settings {
 #[test]
 fn nothing_virtual_shows_the_camera_s_picture_to_the_last_bit() {
     for alone in [true, false] {
-        let mut called_for = prepare(&bare(Effects::CalledFor)).unwrap();
+        let mut called_for = prepare(&bare(Effects::CalledFor), &Host::default()).unwrap();
         if alone {
             called_for.pipeline = called_for.pipeline.for_pictures_alone();
         }
-        let mut all = prepare(&bare(Effects::All)).unwrap();
+        let mut all = prepare(&bare(Effects::All), &Host::default()).unwrap();
         for _ in 0..6 {
             let frame = called_for.source.next_frame(Timestamp(i64::MAX)).unwrap();
             let outcome = called_for.pipeline.frame(&frame).unwrap();
@@ -48,7 +48,7 @@ fn nothing_virtual_shows_the_camera_s_picture_to_the_last_bit() {
 #[test]
 fn pictures_of_several_exposures_are_still_merged() {
     let settings = Settings { exposures_s: vec![0.002, 0.008], ..bare(Effects::CalledFor) };
-    let mut prepared = prepare(&settings).unwrap();
+    let mut prepared = prepare(&settings, &Host::default()).unwrap();
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
     for _ in 0..4 {
         let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();
@@ -64,7 +64,7 @@ fn pictures_of_several_exposures_are_still_merged() {
 fn the_overlay_is_laid_over_the_picture_and_takes_lines() {
     let mut settings = bare(Effects::CalledFor);
     settings.hud = true;
-    let mut prepared = prepare(&settings).unwrap();
+    let mut prepared = prepare(&settings, &Host::default()).unwrap();
     let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();
     prepared.pipeline.note(format_args!("LINE {}", 1));
     prepared.pipeline.frame(&frame).unwrap();

@@ -3,7 +3,10 @@
 
 use halflight::config::{Settings, file, keys::KEYS, resolve, settings::RunMode};
 use halflight::daemon::live_settings::LiveSettings;
-use halflight::daemon::run::{prepare, run};
+use halflight::daemon::{
+    host::Host,
+    run::{prepare, run},
+};
 use halflight::device::Truth;
 use halflight::model::{frame::RawFrame, image::Rgb8Image, picture::Picture};
 use halflight::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
@@ -98,7 +101,7 @@ fn pictures(
     after: impl FnMut(usize),
 ) -> Vec<Rgb8Image> {
     let mut sink = Pictures { all: Vec::new(), after };
-    run(prepare(settings).unwrap(), settings, live, &mut sink).unwrap();
+    run(prepare(settings, &Host::default()).unwrap(), settings, live, &mut sink).unwrap();
     sink.all
 }
 

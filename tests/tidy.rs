@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 /// Longest file, in lines.
 const LONGEST: usize = 500;
 
-/// Folders of `src/` and their layers: a file uses only layers below its own.
-const LAYERS: [(&str, u8); 20] = [
-    ("math", 0),
+/// Folders within one crate and their layers: a file uses only layers below its own. Between crates Cargo holds the
+/// arrows.
+const LAYERS: [(&str, u8); 13] = [
     ("model", 1),
     ("hdr", 2),
     ("track", 2),
@@ -21,29 +21,23 @@ const LAYERS: [(&str, u8); 20] = [
     ("visibility", 2),
     ("nearfield", 2),
     ("compose", 2),
-    ("reference", 2),
     ("plan", 2),
     ("animate", 2),
-    ("device", 3),
-    ("engine", 3),
-    ("assets", 3),
     ("pipeline", 4),
-    ("stress", 4),
     ("config", 5),
-    ("daemon", 5),
-    ("cli", 5),
+    ("daemon", 6),
 ];
 
+/// Crates whose folders have layers.
+const LAYERED: [&str; 2] = ["src/core/", "src/halflightd/"];
+
 /// Arrows within one layer that the map draws.
-const DRAWN: [(&str, &str); 8] = [
+const DRAWN: [(&str, &str); 5] = [
     ("compose", "visibility"),
     ("light", "sources"),
     ("nearfield", "sources"),
     ("nearfield", "visibility"),
     ("nearfield", "light"),
-    ("cli", "daemon"),
-    ("cli", "config"),
-    ("daemon", "config"),
 ];
 
 /// Names that say nothing.
@@ -51,27 +45,27 @@ const EMPTY_NAMES: [&str; 9] =
     ["util", "utils", "common", "helper", "helpers", "manager", "types", "data", "misc"];
 
 /// The one exception, by path.
-const NAMED_ANYWAY: &str = "src/cli/common.rs";
+const NAMED_ANYWAY: &str = "src/halflight/cli/common.rs";
 
 /// What only some places may touch, and where: paths that begin with one of these.
 const DOORS: [(&[&str], &[&str]); 3] = [
     (
         &["Instant", "SystemTime", "thread::sleep"],
-        &["src/device/clock.rs", "src/engine/", "src/cli/", "src/daemon/", "src/bin/"],
+        &[
+            "src/device/clock.rs",
+            "src/engine/",
+            "src/halflight/",
+            "src/halflightd/daemon/",
+            "src/halflightd/main.rs",
+        ],
     ),
-    (&["env::var", "env::vars", "env::var_os"], &["src/engine/", "src/cli/", "src/daemon/", "src/bin/"]),
+    (
+        &["env::var", "env::vars", "env::var_os"],
+        &["src/engine/", "src/halflight/", "src/halflightd/daemon/", "src/halflightd/main.rs"],
+    ),
     (
         &["std::fs", "std::net", "File::open", "File::create", "thread::spawn"],
-        &[
-            "src/device/",
-            "src/engine/",
-            "src/assets/",
-            "src/pipeline/",
-            "src/config/",
-            "src/daemon/",
-            "src/cli/",
-            "src/bin/",
-        ],
+        &["src/device/", "src/engine/", "src/assets/", "src/halflightd/", "src/halflight/", "src/lab/"],
     ),
 ];
 
@@ -223,9 +217,10 @@ fn lines_with(code: &str, word: &str) -> Vec<usize> {
         .collect()
 }
 
-/// Module path of a file: `src/math/sh/mod.rs` is math, sh.
+/// Module path of a file in its crate: `src/core/light/sh/mod.rs` is light, sh.
 fn module_of(path: &str) -> Vec<String> {
-    let inner = path.trim_start_matches("src/").trim_end_matches(".rs");
+    let inner = LAYERED.iter().find_map(|folder| path.strip_prefix(folder)).unwrap_or(path);
+    let inner = inner.trim_end_matches(".rs");
     let mut module: Vec<String> = inner.split('/').map(str::to_owned).collect();
     if matches!(module.last().map(String::as_str), Some("mod" | "lib")) {
         module.pop();
@@ -352,7 +347,8 @@ fn files_are_short() {
 fn arrows_point_down() {
     let wrong = texts("src")
         .into_iter()
-        .filter(|(path, _)| path.ends_with(".rs") && !path.starts_with("src/bin/") && path != "src/lib.rs")
+        .filter(|(path, _)| LAYERED.iter().any(|folder| path.starts_with(folder)) && path.ends_with(".rs"))
+        .filter(|(path, _)| !path.ends_with("/lib.rs") && !path.ends_with("/main.rs"))
         .filter(|(path, _)| !is_test_file(path))
         .flat_map(|(path, text)| wrong_arrows(&path, &text))
         .collect();
@@ -381,7 +377,7 @@ fn names_say_something() {
 fn every_pass_has_its_twin_and_its_shader() {
     let missing = Pass::ALL
         .iter()
-        .flat_map(|pass| [format!("src/{}.rs", pass.name()), format!("shaders/{}.wgsl", pass.name())])
+        .flat_map(|pass| [format!("src/core/{}.rs", pass.name()), format!("shaders/{}.wgsl", pass.name())])
         .filter(|path| !root().join(path).is_file())
         .collect();
     assert_none("a kernel is one name", missing);
@@ -453,23 +449,23 @@ mod rules {
                     #[cfg(test)]\nmod tests {\n    use crate::cli;\n}\nuse crate::hdr;\n";
         let code = code_only(text);
         assert_eq!(code.matches("crate::").count(), 3, "{code}");
-        let found = reached("src/light/split.rs", &without_tests(&code));
+        let found = reached("src/core/light/split.rs", &without_tests(&code));
         assert_eq!(found, [(3, "math".to_owned()), (8, "hdr".to_owned())]);
     }
 
     #[test]
     fn arrows_up_and_sideways_are_found() {
-        assert_eq!(wrong_arrows("src/light/a.rs", "use crate::{math::pose, hdr::response};").len(), 1);
-        assert_eq!(wrong_arrows("src/math/a.rs", "let x = crate::model::time::T;").len(), 1);
-        assert_eq!(wrong_arrows("src/device/a.rs", "use super::super::assets::gltf;").len(), 1);
-        assert_eq!(wrong_arrows("src/device/mod.rs", "use super::{engine, model};").len(), 1);
-        assert_eq!(wrong_arrows("src/config/a.rs", "use crate::cli::x;").len(), 1);
-        assert_eq!(wrong_arrows("src/attic/a.rs", "").len(), 1, "a folder without a layer");
+        assert_eq!(wrong_arrows("src/core/light/a.rs", "use crate::{math::pose, hdr::response};").len(), 1);
+        assert_eq!(wrong_arrows("src/core/model/a.rs", "let x = crate::hdr::response::T;").len(), 1);
+        assert_eq!(wrong_arrows("src/core/hdr/a.rs", "use super::super::track::tag;").len(), 1);
+        assert_eq!(wrong_arrows("src/core/hdr/mod.rs", "use super::{track, model};").len(), 1);
+        assert_eq!(wrong_arrows("src/halflightd/config/a.rs", "use crate::daemon::x;").len(), 1);
+        assert_eq!(wrong_arrows("src/core/attic/a.rs", "").len(), 1, "a folder without a layer");
         for (path, fine) in [
-            ("src/compose/a.rs", "use crate::visibility::shadow_maps;"),
-            ("src/math/sh/a.rs", "use super::super::pose; use super::{Real, basis};"),
-            ("src/cli/a.rs", "use crate::{daemon, config, engine::{cpu, gpu}};"),
-            ("src/engine/a.rs", "use crate::plan; macro_rules! m { () => { $crate::cli::x() } }"),
+            ("src/core/compose/a.rs", "use crate::visibility::shadow_maps;"),
+            ("src/core/light/a.rs", "use super::super::model; use super::{Real, basis};"),
+            ("src/halflightd/daemon/a.rs", "use crate::{config, pipeline::{event, frame}};"),
+            ("src/core/plan/a.rs", "use crate::model; macro_rules! m { () => { $crate::light::x() } }"),
         ] {
             assert_eq!(wrong_arrows(path, fine), Vec::<String>::new());
         }

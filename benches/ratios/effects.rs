@@ -5,7 +5,7 @@ use halflight::{
     animate::posed::Posed,
     assets::shapes,
     config::Settings,
-    daemon::run::prepare,
+    daemon::{host::Host, run::prepare},
     engine::{
         Engine, RelightInput,
         cpu::CpuEngine,
@@ -185,7 +185,7 @@ fn empty() {
         exposures_s: vec![1.0 / 500.0],
         ..Settings::default()
     };
-    let mut prepared = match prepare(&settings) {
+    let mut prepared = match prepare(&settings, &Host::default()) {
         Ok(prepared) => prepared,
         Err(error) => return println!("  {error}"),
     };

@@ -2,7 +2,7 @@
 
 use super::{
     error::{AssetError, read_file},
-    pictures::{MAX_SIDE, load_raw},
+    pictures::MAX_SIDE,
 };
 use crate::model::{
     image::RadianceImage,
@@ -175,16 +175,19 @@ fn stacked(file: &Path, width: usize, pixels: Vec<[f32; 3]>) -> Result<Environme
     Ok(EnvironmentMap { layout: MapLayout::Cube, radiance })
 }
 
-/// Loads a cube map from six square pictures of one size, in the order [`FACES`]: Radiance, OpenEXR, or PNG and
+/// Loads a cube map from six square pictures of one size, in the order [`FACES`], each read by `load`: Radiance, or PNG and
 /// JPEG taken as sRGB. Texels are as the files hold them, as with [`load_cube`].
 ///
 /// # Errors
 /// One of the files cannot be loaded, is not square, too large, or of another size than the first.
-pub fn load_cube_faces(files: &[PathBuf; 6]) -> Result<EnvironmentMap, AssetError> {
+pub fn load_cube_faces(
+    files: &[PathBuf; 6],
+    load: fn(&Path) -> Result<RadianceImage, AssetError>,
+) -> Result<EnvironmentMap, AssetError> {
     let mut pixels = Vec::new();
     let mut side = None;
     for (file, face) in files.iter().zip(FACES) {
-        let picture = load_raw(file)?;
+        let picture = load(file)?;
         let (width, height) = (picture.width(), picture.height());
         let wanted = side.unwrap_or(width);
         if width != height || width != wanted || width > MAX_FACE {
@@ -312,20 +315,20 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("halflight-faces-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let files: [PathBuf; 6] = std::array::from_fn(|face| {
-            let file = folder.join(format!("{face}.exr"));
+            let file = folder.join(format!("{face}.hdr"));
             let picture = RadianceImage::filled(3, 3, [face as f32, 0.25, 1.0]);
-            super::super::pictures::save_exr_f32(&file, &picture).unwrap();
+            crate::pictures::save_hdr(&file, &picture).unwrap();
             file
         });
-        let map = load_cube_faces(&files).unwrap();
+        let map = load_cube_faces(&files, crate::pictures::load_raw).unwrap();
         for (k, texel) in map.radiance.pixels().iter().enumerate() {
             assert_eq!(*texel, [(k / 9) as f32, 0.25, 1.0]);
         }
-        super::super::pictures::save_exr_f32(&files[4], &RadianceImage::filled(2, 2, [1.0; 3])).unwrap();
-        let error = load_cube_faces(&files).unwrap_err().to_string();
+        crate::pictures::save_hdr(&files[4], &RadianceImage::filled(2, 2, [1.0; 3])).unwrap();
+        let error = load_cube_faces(&files, crate::pictures::load_raw).unwrap_err().to_string();
         assert!(error.contains("size of face +z = 2 x 2: must be 3 x 3 as face +x is"), "{error}");
-        super::super::pictures::save_exr_f32(&files[0], &RadianceImage::filled(2, 3, [1.0; 3])).unwrap();
-        let error = load_cube_faces(&files).unwrap_err().to_string();
+        crate::pictures::save_hdr(&files[0], &RadianceImage::filled(2, 3, [1.0; 3])).unwrap();
+        let error = load_cube_faces(&files, crate::pictures::load_raw).unwrap_err().to_string();
         assert!(error.contains("size of face +x = 2 x 3: must be square"), "{error}");
         std::fs::remove_dir_all(&folder).unwrap();
     }

@@ -2,7 +2,8 @@
 
 use super::{
     error::AssetError,
-    kept_room, mapped_probe, pictures,
+    kept_room, mapped_probe,
+    pictures::{self, LoadedRadiance},
     room::{LoadedRoom, load_room},
     scene::{RoomLightSource, RoomSource},
 };
@@ -23,6 +24,21 @@ use std::path::Path;
 
 /// Share of the progress that mapping a probe takes.
 const PROBE_SHARE: f32 = 0.5;
+
+/// How files become radiance and rooms. A program that reads more formats puts its own functions here.
+#[derive(Clone, Copy, Debug)]
+pub struct Readers {
+    /// Reads a picture of linear radiance.
+    pub radiance: fn(&Path) -> Result<LoadedRadiance, AssetError>,
+    /// Reads a room's geometry.
+    pub room: fn(&Path) -> Result<LoadedRoom, AssetError>,
+}
+
+impl Default for Readers {
+    fn default() -> Self {
+        Self { radiance: pictures::load_radiance, room: load_room }
+    }
+}
 
 /// A room made ready, and what is wrong with its file.
 pub struct ReadyRoom {
@@ -65,7 +81,7 @@ pub fn make_ready(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<ReadyRoom, AssetError> {
-    make_ready_with(source, camera, None, progress)
+    make_ready_with(source, camera, None, Readers::default(), progress)
 }
 
 /// `make_ready`, with a folder in which what takes long is kept from run to run under a hash of all that goes in: a probe that
@@ -77,9 +93,10 @@ pub fn make_ready_with(
     source: &RoomSource,
     camera: Option<&CameraPicture<'_>>,
     cache: Option<&Path>,
+    readers: Readers,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<ReadyRoom, AssetError> {
-    let LoadedRoom { room, soundness, mut notes } = load_room(&source.file)?;
+    let LoadedRoom { room, soundness, mut notes } = (readers.room)(&source.file)?;
     let refused = |error: RoomError| {
         let file = match (&error, &source.light) {
             (RoomError::ProbePicture { .. }, RoomLightSource::Probe { file, .. }) => file,
@@ -91,7 +108,7 @@ pub fn make_ready_with(
     let (light, share) = match &source.light {
         RoomLightSource::Given => (RoomLight::Given, 0.0),
         RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun, rows } => {
-            let radiance = reduced(pictures::load_radiance(file)?.hdr.radiance, *layout, *rows);
+            let radiance = reduced((readers.radiance)(file)?.hdr.radiance, *layout, *rows);
             let map = EnvironmentMap { layout: *layout, radiance };
             let probe = Probe {
                 map: &map,

@@ -78,7 +78,7 @@ fn bits(point: Vec3) -> [u32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assets::shapes;
+    use crate::shapes;
     use glam::DVec3;
 
     #[test]

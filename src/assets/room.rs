@@ -1,4 +1,4 @@
-//! Known rooms from files: glTF (.glb, .gltf), or a reference case (its folder or JSON file).
+//! Known rooms from glTF files (.glb, .gltf).
 //!
 //! # glTF
 //! Frame, nodes and metres as `gltf`: (x, y, z) of the file becomes (x, -z, y). One surface for each primitive of each
@@ -14,7 +14,6 @@
 //! as they are: such a room is dark, and its patches receive nothing), triangles without area.
 
 use super::{
-    case,
     error::{AssetError, read_file},
     gltf::room::{RoomPart, decode_parts},
 };
@@ -51,15 +50,12 @@ pub struct LoadedRoom {
     pub notes: Vec<String>,
 }
 
-/// Loads a room: a folder or a `.json` is a reference case, everything else glTF.
+/// Loads a room from a glTF file.
 ///
 /// # Errors
 /// The file cannot be read or is damaged, holds no face that has an area or more than 20,000, or a number that is not
 /// finite (file and node are named).
 pub fn load_room(file: &Path) -> Result<LoadedRoom, AssetError> {
-    if file.is_dir() || file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-        return judged(file, case::load(file)?.room(), 0);
-    }
     decode_room(file, &read_file(file)?)
 }
 
@@ -81,7 +77,11 @@ pub fn decode_room(file: &Path, bytes: &[u8]) -> Result<LoadedRoom, AssetError> 
     judged(file, room, without_area)
 }
 
-fn judged(file: &Path, room: Room, left_out: usize) -> Result<LoadedRoom, AssetError> {
+/// A room with what is wrong with it; `left_out` triangles without area have been dropped already.
+///
+/// # Errors
+/// The room holds no face that has an area, or more than 20,000.
+pub fn judged(file: &Path, room: Room, left_out: usize) -> Result<LoadedRoom, AssetError> {
     let mut soundness = examine(&room);
     soundness.without_area += left_out;
     let usable = soundness.faces.saturating_sub(soundness.without_area - left_out);

@@ -139,11 +139,11 @@ fn write(file: &Path, key: &[u8; HASH], baked: &[ObjectTransfer]) -> Result<(), 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assets::shapes;
     use crate::model::{
         animation::{Figure, Playing},
         scene::VirtualObject,
     };
+    use crate::shapes;
     use glam::{Affine3A, Vec3};
 
     fn scene() -> Scene {

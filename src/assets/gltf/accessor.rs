@@ -1,7 +1,7 @@
 //! Numbers of an accessor, read with every offset checked.
 
 use super::source::Source;
-use crate::assets::error::AssetError;
+use crate::error::AssetError;
 use gltf::accessor::{Accessor, DataType};
 
 /// Most elements of an accessor.

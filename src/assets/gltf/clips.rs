@@ -2,7 +2,7 @@
 
 use super::{accessor::floats, source::Source};
 use crate::{
-    assets::error::AssetError,
+    error::AssetError,
     model::animation::{Channel, Clip, Interpolation, Moves},
 };
 use glam::{Vec3, Vec4};

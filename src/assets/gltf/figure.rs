@@ -2,7 +2,7 @@
 
 use super::{build, clips, skeleton, source::Source, stem};
 use crate::{
-    assets::error::{AssetError, read_file},
+    error::{AssetError, read_file},
     model::{
         animation::{Attachment, Figure, FigurePart},
         scene::{Mesh, VirtualObject},

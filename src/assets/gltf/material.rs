@@ -8,7 +8,7 @@
 
 use super::{accessor::floats, source::Source};
 use crate::{
-    assets::error::AssetError,
+    error::AssetError,
     math::color::srgb_decode,
     model::{image::Rgb8Image, scene::Material},
 };

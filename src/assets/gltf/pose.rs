@@ -1,7 +1,7 @@
 //! Where each node stands: transforms down the tree, and skins at rest.
 
 use super::{accessor::floats, source::Source};
-use crate::assets::error::AssetError;
+use crate::error::AssetError;
 use glam::{DMat4, DVec3, DVec4};
 use gltf::{Document, Node};
 

@@ -6,10 +6,7 @@ use super::{
     pose::{Place, normal, point},
     source::Source,
 };
-use crate::{
-    assets::{error::AssetError, normals::creased_from},
-    model::scene::Mesh,
-};
+use crate::{error::AssetError, model::scene::Mesh, normals::creased_from};
 use glam::{DMat4, Vec3};
 use gltf::{Primitive, Semantic, mesh::Mode};
 use std::collections::HashMap;

@@ -1,7 +1,7 @@
 //! Models as known rooms: one part for each primitive of each node, with what it reflects and what it sends out.
 
 use super::{MAX_NODES, MAX_TRIANGLES, accessor::floats, pose, primitive, source::Source, stated_triangles};
-use crate::{assets::error::AssetError, math::color::srgb_decode};
+use crate::{error::AssetError, math::color::srgb_decode};
 use glam::Vec3;
 use gltf::{Primitive, Semantic, mesh::Mode};
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::{accessor::floats, pose::Z_UP_FROM_Y_UP, primitive::Hang, source::Source};
 use crate::{
-    assets::error::AssetError,
+    error::AssetError,
     model::animation::{Joint, Node, Skeleton, Transform},
 };
 use glam::{Affine3A, Mat4, Quat, Vec3};

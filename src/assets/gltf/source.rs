@@ -1,11 +1,9 @@
 //! The bytes of a model: container, buffers and pictures.
 
 use crate::{
-    assets::{
-        error::{AssetError, read_file},
-        pictures,
-    },
+    error::{AssetError, read_file},
     model::image::Rgb8Image,
+    pictures,
 };
 use gltf::{Document, json::validation::Checked};
 use std::{collections::HashMap, path::Path, rc::Rc};

@@ -2,7 +2,7 @@
 
 use super::{MAX_PIXELS, MAX_SIDE, check_size};
 use crate::{
-    assets::error::AssetError,
+    error::AssetError,
     model::image::{Image, RadianceImage, Rgb8Image},
 };
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};

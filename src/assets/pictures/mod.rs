@@ -1,6 +1,4 @@
-//! Pictures from and to files: 8-bit (PNG, JPEG) and linear radiance (Radiance HDR, OpenEXR).
-
-mod exr;
+//! Pictures from and to files: 8-bit (PNG, JPEG) and linear radiance (Radiance HDR). The laboratory reads OpenEXR.
 mod ingest;
 mod ldr;
 mod radiance;
@@ -24,7 +22,7 @@ pub const MAX_PIXELS: usize = 1 << 26;
 enum Format {
     Png,
     Jpeg,
-    Exr,
+    OpenExr,
     Radiance,
 }
 
@@ -39,7 +37,7 @@ fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, AssetError> {
         return Ok(Format::Jpeg);
     }
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        return Ok(Format::Exr);
+        return Ok(Format::OpenExr);
     }
     let head = &bytes[..bytes.len().min(RADIANCE_HEADER_BYTES)];
     if head.windows(2).any(|pair| pair == b"#?") {
@@ -52,7 +50,10 @@ fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, AssetError> {
 }
 
 /// Refuses sizes beyond `MAX_SIDE` and `MAX_PIXELS` and empty pictures, before anything is allocated.
-pub(super) fn check_size(file: &Path, width: usize, height: usize) -> Result<(), AssetError> {
+///
+/// # Errors
+/// File and size are named.
+pub fn check_size(file: &Path, width: usize, height: usize) -> Result<(), AssetError> {
     let sound = (1..=MAX_SIDE).contains(&width)
         && (1..=MAX_SIDE).contains(&height)
         && width.saturating_mul(height) <= MAX_PIXELS;
@@ -98,8 +99,7 @@ pub fn load_gray8(file: &Path) -> Result<Image<u8>, AssetError> {
     }
 }
 
-/// Loads linear radiance: Radiance (.hdr, .pic), OpenEXR (half or float, any compression that the decoder
-/// knows), and PNG or JPEG taken as sRGB with 255 = 1. Texels that are not finite or negative are replaced,
+/// Loads linear radiance: Radiance (.hdr, .pic), and PNG or JPEG taken as sRGB with 255 = 1. Texels that are not finite or negative are replaced,
 /// flagged and counted (`ingest`).
 ///
 /// # Errors
@@ -122,11 +122,17 @@ pub fn load_raw(file: &Path) -> Result<RadianceImage, AssetError> {
     decode_raw(file, &read_file(file)?)
 }
 
-fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
+/// `load_raw` from bytes; `file` only names them in errors.
+///
+/// # Errors
+/// As `load_radiance`.
+pub fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
     match format_of(file, bytes)? {
         Format::Png => ldr::linear(file, bytes, image::ImageFormat::Png, srgb_decode),
         Format::Jpeg => ldr::linear(file, bytes, image::ImageFormat::Jpeg, srgb_decode),
-        Format::Exr => exr::decode(file, bytes),
+        Format::OpenExr => Err(AssetError::new(file, "picture format").value("OpenEXR").allowed(
+            "Radiance, PNG or JPEG here; `halflight` reads OpenEXR, and `halflight light FILE --out FILE.hdr` converts it",
+        )),
         Format::Radiance => radiance::decode(file, bytes),
     }
 }
@@ -151,17 +157,6 @@ pub fn save_png(file: &Path, picture: &Rgb8Image) -> Result<(), AssetError> {
 /// As `save_png`.
 pub fn save_png_gray(file: &Path, picture: &Image<u8>) -> Result<(), AssetError> {
     ldr::save(file, picture.pixels(), picture.width(), picture.height(), image::ExtendedColorType::L8)
-}
-
-/// Writes linear radiance as OpenEXR: channels R, G, B, 32-bit float, losslessly compressed. Reading it back
-/// gives the same bits.
-///
-/// # Errors
-/// An empty picture, or the file cannot be written.
-pub fn save_exr_f32(file: &Path, picture: &RadianceImage) -> Result<(), AssetError> {
-    check_size(file, picture.width(), picture.height())?;
-    let bytes = exr::encode(file, picture)?;
-    std::fs::write(file, bytes).map_err(|e| AssetError::new(file, "cannot be written").cause(e))
 }
 
 /// Writes linear radiance as a Radiance picture (8-bit mantissas, 1 % steps).

@@ -6,7 +6,7 @@
 
 use super::check_size;
 use crate::{
-    assets::error::AssetError,
+    error::AssetError,
     model::image::{Image, RadianceImage},
 };
 use std::path::Path;

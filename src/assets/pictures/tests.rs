@@ -101,13 +101,10 @@ fn png_crc(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn exr_round_trips_bit_for_bit_and_hdr_to_its_mantissa() {
+fn hdr_comes_back_to_its_mantissa_and_png_as_it_is() {
     let folder = std::env::temp_dir().join(format!("halflight-pictures-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let picture = gradient(37, 19);
-    let exr = folder.join("a.exr");
-    save_exr_f32(&exr, &picture).unwrap();
-    assert_eq!(load_radiance(&exr).unwrap().hdr.radiance, picture);
     let hdr = folder.join("a.hdr");
     save_hdr(&hdr, &picture).unwrap();
     for (a, b) in load_radiance(&hdr).unwrap().hdr.radiance.pixels().iter().zip(picture.pixels()) {
@@ -124,7 +121,7 @@ fn exr_round_trips_bit_for_bit_and_hdr_to_its_mantissa() {
     let mask = Image::from_pixels(3, 2, vec![0u8, 1, 2, 253, 254, 255]).unwrap();
     save_png_gray(&png, &mask).unwrap();
     assert_eq!(load_gray8(&png).unwrap(), mask);
-    assert!(load_rgb8(&exr).unwrap_err().to_string().contains("PNG or JPEG"));
+    assert!(load_rgb8(&hdr).unwrap_err().to_string().contains("PNG or JPEG"));
     assert!(save_png(&png, &Image::default()).is_err());
     std::fs::remove_dir_all(&folder).unwrap();
 }
@@ -140,13 +137,7 @@ fn sources() -> Vec<Vec<u8>> {
     ldr.write_to(&mut Cursor::new(&mut jpeg), image::ImageFormat::Jpeg).unwrap();
     let rows: Vec<Vec<[u8; 4]>> =
         (0..9u8).map(|y| (0..24u8).map(|x| [x / 5 * 9, 200, y, 120 + y]).collect()).collect();
-    vec![
-        png,
-        jpeg,
-        exr::encode(name(), &picture).unwrap(),
-        radiance::encode(&picture),
-        hdr_file("#?RADIANCE", 24, &rows),
-    ]
+    vec![png, jpeg, radiance::encode(&picture), hdr_file("#?RADIANCE", 24, &rows)]
 }
 
 proptest! {

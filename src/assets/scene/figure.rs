@@ -2,7 +2,7 @@
 
 use super::walk::{Section, numbers};
 use crate::animate::walk::{MAX_TURN_DEG, MIN_SIDE_M, round_corners};
-use crate::assets::gltf::DEFAULT_SPHERES;
+use crate::gltf::DEFAULT_SPHERES;
 use crate::model::animation::{
     Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Node, Playing, Skeleton,
     Transform, Walk,

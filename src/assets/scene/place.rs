@@ -6,10 +6,10 @@ use super::{
     walk::{Mistakes, Section, numbers},
 };
 use crate::animate::walk::{towards_x, world_from_start};
-use crate::assets::{error::read_text, gltf, obj, shapes};
 use crate::model::animation::Figure;
 use crate::model::scene::{Material, Mesh, RealSurface, VirtualObject};
 use crate::visibility::openness;
+use crate::{error::read_text, gltf, obj, shapes};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use std::path::Path;
 

@@ -4,7 +4,7 @@ use super::{
     LightSource, Pictures, SceneCamera, pictures, resolved,
     walk::{Mistakes, Section, numbers},
 };
-use crate::assets::calibration;
+use crate::calibration;
 use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,

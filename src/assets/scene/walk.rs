@@ -1,6 +1,6 @@
 //! Walks a TOML table key by key and gathers every mistake on the way.
 
-use crate::assets::error::AssetError;
+use crate::error::AssetError;
 use crate::math::edit_distance::nearest;
 use glam::DVec3;
 use std::cell::RefCell;

@@ -1,7 +1,6 @@
 //! Between the model's values and the messages of a recording. Pure. Bad messages give `None` or text that
 //! says what is wrong; never a panic.
 
-use crate::device::{ImuTruth, Truth};
 use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
@@ -16,6 +15,7 @@ use crate::model::{
     rig::{MirrorBall, Rig, TagPlacement},
     time::Timestamp,
 };
+use crate::{ImuTruth, Truth};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 //! checksum is right. Nothing in a file can make it panic or take more memory than `LARGEST_CHUNK` a chunk.
 
 use super::schema::Topic;
-use crate::device::{DeviceError, ErrorKind};
+use crate::{DeviceError, ErrorKind};
 use mcap::{
     MAGIC, parse_record,
     records::{Record, op},

@@ -5,8 +5,8 @@ use super::{
     pictures::{self, PictureCoding},
     schema::{Topic, schema},
 };
-use crate::device::{DeviceError, ErrorKind, ImuTruth, Truth};
 use crate::model::{frame::RawFrame, imu::ImuSample, response::Response, rig::Rig, time::Timestamp};
+use crate::{DeviceError, ErrorKind, ImuTruth, Truth};
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -4,9 +4,9 @@ use super::{
     options::Subject,
     random::{normal, uniform},
 };
-use crate::device::{DeviceError, ImuSource, ImuTruth};
 use crate::math::pose::Pose;
 use crate::model::{imu::ImuSample, time::Timestamp};
+use crate::{DeviceError, ImuSource, ImuTruth};
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;

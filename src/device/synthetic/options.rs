@@ -1,7 +1,7 @@
 //! What can be set in `synthetic:key=value,..`.
 
-use crate::device::{DeviceError, parameters::Parameters};
 use crate::model::frame::Exposure;
+use crate::{DeviceError, parameters::Parameters};
 
 /// The keys, in the order of `Options`.
 pub const KEYS: [&str; 11] = [

@@ -1,11 +1,11 @@
 //! Whether what a caller asks for fits together.
 
 use super::room::RoomWork;
-use crate::engine::{EngineError, LightJob, RelightInput};
 use crate::light::maps;
 use crate::math::sh::MAX_ORDER;
 use crate::model::{quality::Quality, scene::Scene};
 use crate::plan::FramePlan;
+use crate::{EngineError, LightJob, RelightInput};
 
 /// Whether light can be read from a job.
 pub fn check_light(job: &LightJob<'_>, quality: &Quality) -> Result<(), EngineError> {

@@ -6,7 +6,7 @@ use crate::model::{image::RadianceImage, picture::Picture};
 use rayon::prelude::*;
 
 impl Work {
-    pub(in crate::engine) fn composite(
+    pub(crate) fn composite(
         &self,
         input: &RelightInput<'_>,
         objects: bool,
@@ -28,7 +28,7 @@ impl Work {
         });
     }
 
-    pub(in crate::engine) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+    pub(crate) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
         let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
         table.update(input.response);
         let (width, height) = (out.radiance.width(), out.radiance.height());

@@ -7,7 +7,6 @@ use crate::compose::{
     shade_object::{LightTerms, Surroundings},
     transferred::VertexFrame,
 };
-use crate::engine::{Live, RelightInput, gpu::view::exposure_of_white};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{blocker::BlockerSphere, image::Image, quality::Quality};
 use crate::nearfield::frame::NearFrame;
@@ -16,6 +15,7 @@ use crate::visibility::{
     point_maps::PointCamera,
     shadow_maps::{ShadowCamera, ShadowMaps},
 };
+use crate::{Live, RelightInput, gpu::view::exposure_of_white};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -38,7 +38,7 @@ struct Inputs {
 
 /// Which frame made what. Keeps its memory.
 #[derive(Debug, Default)]
-pub(in crate::engine) struct Held {
+pub(crate) struct Held {
     inputs: Option<Box<Inputs>>,
     spheres: Vec<BlockerSphere>,
     /// Grows with every change of the inputs: a number is never one of other inputs.
@@ -176,19 +176,14 @@ impl Work {
     }
 
     /// Takes over the inputs of a frame.
-    pub(in crate::engine) fn look(
-        &mut self,
-        input: &RelightInput<'_>,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
+    pub(crate) fn look(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
         self.pose(input);
         self.held.take(input, light, quality);
     }
 
     /// Which results would come out the same; fits the shadow maps' cameras on the way. `time` runs the parts that belong
     /// to a pass.
-    pub(in crate::engine) fn foresee(
+    pub(crate) fn foresee(
         &mut self,
         input: &RelightInput<'_>,
         quality: &Quality,
@@ -229,12 +224,7 @@ impl Work {
 
     /// Fits the shadow maps' cameras to what is seen of the shadows; what the maps hold is as it was. In a known room the hard
     /// lights are its suns in their order, and those have maps that are among the frame's n lights.
-    pub(in crate::engine) fn shadow_cameras(
-        &mut self,
-        input: &RelightInput<'_>,
-        light: &LightTerms,
-        quality: &Quality,
-    ) {
+    pub(crate) fn shadow_cameras(&mut self, input: &RelightInput<'_>, light: &LightTerms, quality: &Quality) {
         if self.held.is_fitted() {
             return;
         }
@@ -285,7 +275,7 @@ impl Work {
     }
 
     /// A planned frame begins: takes over its inputs, and gives the passes whose results it uses.
-    pub(in crate::engine) fn begin(
+    pub(crate) fn begin(
         &mut self,
         plan: &FramePlan,
         input: &RelightInput<'_>,
@@ -333,7 +323,7 @@ impl Work {
     }
 
     /// Lists what passes have made.
-    pub(in crate::engine) fn live(&self, out: &mut Vec<Live>) {
+    pub(crate) fn live(&self, out: &mut Vec<Live>) {
         fn of<P: Clone>(image: &Image<P>) -> usize {
             size_of_val(image.pixels())
         }
@@ -357,7 +347,7 @@ impl Work {
     }
 
     /// Whether the plan keeps a pass's result, and it is there.
-    pub(in crate::engine) fn is_kept(&self, plan: &FramePlan, pass: Pass, uses: PassSet) -> bool {
+    pub(crate) fn is_kept(&self, plan: &FramePlan, pass: Pass, uses: PassSet) -> bool {
         plan.keeps(pass)
             && match pass {
                 Pass::ShadowMaps => self.maps_are_drawn(),

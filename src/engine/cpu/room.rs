@@ -30,12 +30,12 @@ const CLEARANCE: f32 = 0.01;
 
 /// A room that was loaded, and the memory of its frames.
 #[derive(Default)]
-pub(in crate::engine) struct RoomWork {
+pub(crate) struct RoomWork {
     known: Option<Arc<KnownRoom>>,
     proxies: Proxies,
-    pub(in crate::engine) frame: NearFrame,
-    pub(in crate::engine) suns: SunShadows,
-    pub(in crate::engine) displayed: Displayed,
+    pub(crate) frame: NearFrame,
+    pub(crate) suns: SunShadows,
+    pub(crate) displayed: Displayed,
     /// Number of the room's first triangle among the surfaces, and its triangles' corners as vertices of the room.
     first_triangle: usize,
     triangles: Vec<[u32; 3]>,
@@ -61,14 +61,14 @@ impl Neighbours<'_> {
 
 /// What subtracting from displayed values asks for.
 #[derive(Default)]
-pub(in crate::engine) struct Displayed {
-    pub(in crate::engine) lights: DisplayedLights,
-    pub(in crate::engine) curve: Option<DisplayCurve>,
+pub(crate) struct Displayed {
+    pub(crate) lights: DisplayedLights,
+    pub(crate) curve: Option<DisplayCurve>,
 }
 
 impl RoomWork {
     /// Takes a room, or none; [`RoomWork::place`] has to follow.
-    pub(in crate::engine) fn take(&mut self, known: Option<Arc<KnownRoom>>) {
+    pub(crate) fn take(&mut self, known: Option<Arc<KnownRoom>>) {
         self.suns = SunShadows::default();
         self.triangles.clear();
         if let Some(known) = &known {
@@ -80,7 +80,7 @@ impl RoomWork {
     }
 
     /// Adds the room to the real surfaces and finds stand-ins for the objects.
-    pub(in crate::engine) fn place(&mut self, objects: &ObjectGeometry, surfaces: &mut SurfaceGeometry) {
+    pub(crate) fn place(&mut self, objects: &ObjectGeometry, surfaces: &mut SurfaceGeometry) {
         let Some(known) = &self.known else { return };
         self.first_triangle = surfaces.add_room(&known.field.patches);
         let ranges = objects.ranges.iter().map(|(_, triangles)| triangles.clone());
@@ -88,22 +88,22 @@ impl RoomWork {
     }
 
     /// The room, where there is one.
-    pub(in crate::engine) fn known(&self) -> Option<&Arc<KnownRoom>> {
+    pub(crate) fn known(&self) -> Option<&Arc<KnownRoom>> {
         self.known.as_ref()
     }
 
     /// Triangles of the objects' stand-ins, corners as numbers of the frame's casters.
-    pub(in crate::engine) fn casters(&self) -> &[[u32; 3]] {
+    pub(crate) fn casters(&self) -> &[[u32; 3]] {
         self.proxies.triangles()
     }
 
     /// Number of the room's first triangle among the surfaces, and its triangles' corners as vertices of the room.
-    pub(in crate::engine) fn triangles(&self) -> (usize, &[[u32; 3]]) {
+    pub(crate) fn triangles(&self) -> (usize, &[[u32; 3]]) {
         (self.first_triangle, &self.triangles)
     }
 
     /// Finds the frame's lights, near ones and suns, and fits the near ones' maps.
-    pub(in crate::engine) fn find_lights(
+    pub(crate) fn find_lights(
         &mut self,
         objects: &ObjectGeometry,
         input: &RelightInput<'_>,
@@ -120,19 +120,19 @@ impl RoomWork {
     }
 
     /// Draws the maps here.
-    pub(in crate::engine) fn draw_maps(&mut self) {
+    pub(crate) fn draw_maps(&mut self) {
         self.frame.draw(&self.proxies);
     }
 
     /// Deals the frame's lights out to their sets, and takes a display's response.
-    pub(in crate::engine) fn deal_out(&mut self, response: &Response) {
+    pub(crate) fn deal_out(&mut self, response: &Response) {
         let Displayed { lights, curve } = &mut self.displayed;
         lights.update(&self.frame);
         curve.get_or_insert_with(|| DisplayCurve::of(response)).update(response);
     }
 
     /// Lists which lights matter where; `is_drawn` as for [`NearFrame::list`].
-    pub(in crate::engine) fn list(&mut self, is_drawn: bool) {
+    pub(crate) fn list(&mut self, is_drawn: bool) {
         if let Some(known) = &self.known {
             self.frame.list(&known.field, &self.triangles, is_drawn);
         }
@@ -158,27 +158,27 @@ impl RoomWork {
 
 impl Work {
     /// Lights the objects' vertices by the room, where the scene stands in one.
-    pub(in crate::engine) fn light_by_room(&mut self) {
+    pub(crate) fn light_by_room(&mut self) {
         let Some(known) = self.room.known().filter(|_| self.stands_in_room).cloned() else { return };
         let (room, objects) = (&self.room, &self.objects);
         self.transferred.put(|object, vertex| room.white_at(&known, objects, object, vertex));
     }
 
-    pub(in crate::engine) fn find_room_lights(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+    pub(crate) fn find_room_lights(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         if !self.held.near_is_fitted() {
             self.held.near_fitted();
             self.room.find_lights(&self.objects, input, quality);
         }
     }
 
-    pub(in crate::engine) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
+    pub(crate) fn point_maps(&mut self, input: &RelightInput<'_>, quality: &Quality) {
         self.find_room_lights(input, quality);
         self.room.draw_maps();
         self.held.near_maps_drawn(self.room.frame.maps().cameras());
     }
 
     /// The ratio at every pixel that sees the front of the room; 1 elsewhere.
-    pub(in crate::engine) fn subtract(
+    pub(crate) fn subtract(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -191,7 +191,7 @@ impl Work {
     }
 
     /// The same from the values that a display shows of the place.
-    pub(in crate::engine) fn subtract_displayed(
+    pub(crate) fn subtract_displayed(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,

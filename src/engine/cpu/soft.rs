@@ -1,19 +1,19 @@
 //! Soft shadows on real surfaces, at pixels or at vertices.
 
 use super::{Work, coarse_lens, surface_normals};
+use crate::RelightInput;
 use crate::animate::posed::Posed;
 use crate::compose::{
     raster::{self, Fragment, View},
     shade_object::LightTerms,
     soft_shadow::{self, CoarsePoint},
 };
-use crate::engine::RelightInput;
 use crate::model::quality::{Quality, SoftAt};
 use rayon::prelude::*;
 
 impl Work {
     /// Takes over the spheres and the light of a frame.
-    pub(in crate::engine) fn prepare_blockers(
+    pub(crate) fn prepare_blockers(
         &mut self,
         input: &RelightInput<'_>,
         light: &LightTerms,
@@ -26,7 +26,7 @@ impl Work {
         self.coarse_rays.update(&coarse_lens(input.lens, quality.soft_step_px), 1);
     }
 
-    pub(in crate::engine) fn soft_shadow(
+    pub(crate) fn soft_shadow(
         &mut self,
         input: &RelightInput<'_>,
         view: &View,
@@ -66,7 +66,7 @@ impl Work {
     }
 
     /// Lays the grid for the spheres of a frame.
-    pub(in crate::engine) fn lay_grid(&mut self, input: &RelightInput<'_>, view: &View) {
+    pub(crate) fn lay_grid(&mut self, input: &RelightInput<'_>, view: &View) {
         let spheres = input.posed.map_or(&[][..], Posed::spheres);
         self.grid.lay(&self.surfaces, spheres, view.eye);
     }

@@ -1,7 +1,7 @@
 //! Device memory that is kept from frame to frame and grows only when sizes change.
 
 use super::{context::GpuContext, kernel::Resource, live::Lease};
-use crate::engine::EngineError;
+use crate::EngineError;
 
 /// Copies and uploads come in units of this many bytes.
 const WORD: u64 = wgpu::COPY_BUFFER_ALIGNMENT;

@@ -7,7 +7,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::live::LiveList;
-use crate::engine::EngineError;
+use crate::EngineError;
 
 /// Which interface the GPU is driven through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -9,7 +9,7 @@ use super::{
     relight::{Relighter, ready},
 };
 use crate::{
-    engine::{Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu},
+    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu,
     hdr::merge_bracket,
     light::{
         maps::samples_of_map,

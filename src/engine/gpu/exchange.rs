@@ -12,7 +12,8 @@ use super::{
     textures::{KeptLayers, KeptTexture},
 };
 use crate::{
-    engine::{EngineError, cpu::Work},
+    EngineError,
+    cpu::Work,
     model::image::RadianceImage,
     plan::{Pass, PassSet},
 };

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::{context::GpuContext, params::StructLayout};
-use crate::{engine::EngineError, plan::Pass};
+use crate::{EngineError, plan::Pass};
 
 /// One WGSL file.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 //! freed before its first pass; whoever owns it finds that out and makes it anew when it is called for again.
 
 use crate::{
-    engine::Live,
+    Live,
     plan::{Pass, PassSet},
 };
 use std::sync::{

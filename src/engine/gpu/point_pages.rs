@@ -3,7 +3,7 @@
 
 use super::{context::GpuContext, exchange::SHADOW_MAP_FORMAT, kernel::Resource, textures::KeptLayers};
 use crate::{
-    engine::EngineError,
+    EngineError,
     plan::Pass,
     visibility::point_maps::{PointCamera, PointMaps},
 };

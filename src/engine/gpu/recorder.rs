@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::{buffers::Readback, context::GpuContext};
 use crate::{
-    engine::EngineError,
+    EngineError,
     plan::{Pass, PassTiming},
 };
 

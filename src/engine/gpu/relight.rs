@@ -22,11 +22,12 @@ use super::{
     view::{self, LensDomain},
 };
 use crate::{
+    EngineError, RelightInput,
     compose::{
         raster,
         shade_object::{LightTerms, Surroundings},
     },
-    engine::{EngineError, RelightInput, cpu},
+    cpu,
     model::{
         picture::Picture,
         quality::{Quality, SoftAt},

@@ -6,7 +6,7 @@ use super::{
     kernel::Resource,
     live::Lease,
 };
-use crate::engine::EngineError;
+use crate::EngineError;
 
 /// What stands in a binding that has to be filled where there is nothing to bind.
 pub const ONE_TEXEL: &str = "one texel";

@@ -15,7 +15,7 @@ const fn const_sqrt(square: f64) -> f64 {
 
 /// y_mm / (sin theta)^m / cos(m phi): N_m = -sqrt((2m+1)/(2m)) N_{m-1}, N_0 = 1/sqrt(4 pi), times sqrt 2
 /// for m > 0. The minus is the Condon-Shortley phase.
-pub(crate) const DIAGONAL: [f64; MAX_ORDER] = {
+pub const DIAGONAL: [f64; MAX_ORDER] = {
     let mut table = [0.0; MAX_ORDER];
     let mut normalisation = const_sqrt(0.25 / std::f64::consts::PI);
     table[0] = normalisation;
@@ -31,7 +31,7 @@ pub(crate) const DIAGONAL: [f64; MAX_ORDER] = {
 
 /// `[l][m]`: (a, b) of the three-term recurrence P_l^m = a (z P_{l-1}^m - b P_{l-2}^m) of normalised
 /// associated Legendre functions with sin^m factored out.
-pub(crate) const RECURRENCE: [[(f64, f64); MAX_ORDER]; MAX_ORDER] = {
+pub const RECURRENCE: [[(f64, f64); MAX_ORDER]; MAX_ORDER] = {
     let mut table = [[(0.0, 0.0); MAX_ORDER]; MAX_ORDER];
     let mut l = 1;
     while l < MAX_ORDER {

@@ -4,7 +4,7 @@
 //! for bit, what eight batches of one give. Only plain additions and multiplications: no fused ones.
 
 use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis, rings};
-use crate::math::widest::Wide;
+use crate::widest::Wide;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 

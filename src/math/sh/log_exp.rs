@@ -7,7 +7,7 @@ use super::{
     lanes::{Lane, LaneSh, guard, nothing, product},
     product as scalar_product,
 };
-use crate::math::{quadrature::gauss_legendre, solve::symmetric_eigen};
+use crate::{quadrature::gauss_legendre, solve::symmetric_eigen};
 use std::sync::OnceLock;
 
 /// Eigenvalues of the product matrix are taken to be at least this before their logarithm (spec 7 (E)).

@@ -2,7 +2,7 @@
 //! product matrix.
 
 use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis};
-use crate::math::quadrature;
+use crate::quadrature;
 use std::sync::OnceLock;
 
 /// One entry of the triple-product tensor, i <= j <= k; it is the same for every permutation.

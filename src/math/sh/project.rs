@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn orthonormal() {
         for j in 0..MAX_COEFFICIENTS {
-            let samples = crate::math::quadrature::sphere(10).into_iter().map(|(direction, solid_angle)| {
+            let samples = crate::quadrature::sphere(10).into_iter().map(|(direction, solid_angle)| {
                 let mut y = [0.0; MAX_COEFFICIENTS];
                 basis::evaluate(6, direction, &mut y);
                 Sample { direction, solid_angle, radiance: [y[j]] }

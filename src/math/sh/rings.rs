@@ -6,7 +6,7 @@
 //! third of the operations of the sparse sum over Gamma.
 
 use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis};
-use crate::math::quadrature::gauss_legendre;
+use crate::quadrature::gauss_legendre;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Numbers of type T of several functions side by side: plain operations, each on all of them.
@@ -356,7 +356,7 @@ fn unhalve<V: Copy + Add<Output = V> + Sub<Output = V>, const H: usize, const S:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::sh::{
+    use crate::sh::{
         lanes::{Lane, LaneSh, nothing},
         product as sparse,
     };

@@ -1,7 +1,7 @@
 //! Rotation of SH coefficients by any rotation matrix.
 
 use super::{MAX_COEFFICIENTS, MAX_ORDER, Real, basis};
-use crate::math::quadrature;
+use crate::quadrature;
 use std::sync::OnceLock;
 
 /// Entries of all band matrices: the sum of (2l+1)^2.

@@ -201,7 +201,7 @@ mod tests {
         assert!((phong_saturation(4) - 10.0).abs() < 0.2, "{}", phong_saturation(4));
         assert!(!phong_saturates(4, 0.0) && !phong_saturates(4, -3.0));
     }
-    use crate::math::quadrature::gauss_legendre;
+    use crate::quadrature::gauss_legendre;
     use std::f64::consts::PI;
 
     /// 2 pi integral of f(x) y_l0(x) over [low, 1]: the definition.

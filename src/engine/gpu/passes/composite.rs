@@ -1,16 +1,14 @@
 //! `compose/composite` on the device. Twin: `compose::composite`.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            kernel::{BoundGroup, Built, Resource},
-            kernels,
-            params::CompositeParams,
-            recorder::Recorder,
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        kernel::{BoundGroup, Built, Resource},
+        kernels,
+        params::CompositeParams,
+        recorder::Recorder,
     },
     model::image::RadianceImage,
     plan::Pass,

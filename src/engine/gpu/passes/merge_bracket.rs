@@ -1,16 +1,14 @@
 //! `hdr/merge_bracket` on the device. Twin: `hdr::merge_bracket`.
 
 use crate::{
-    engine::{
-        Bracket, EngineError,
-        gpu::{
-            buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
-            context::GpuContext,
-            kernel::{BoundGroup, Built},
-            kernels,
-            params::MergeParams,
-            recorder::{Recorder, Timer},
-        },
+    Bracket, EngineError,
+    gpu::{
+        buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
+        context::GpuContext,
+        kernel::{BoundGroup, Built},
+        kernels,
+        params::MergeParams,
+        recorder::{Recorder, Timer},
     },
     hdr::merge_bracket::weight,
     model::{image::HdrImage, response::Response},

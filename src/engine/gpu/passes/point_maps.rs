@@ -1,20 +1,18 @@
 //! `visibility/point_maps` on the device. Twin: `visibility::point_maps`.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::SHADOW_MAP_FORMAT,
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels, params,
-            point_pages::{PointPages, Spread},
-            recorder::{Recorder, Targets, cleared},
-            scene::Mesh,
-            textures::KeptTexture,
-            view,
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::SHADOW_MAP_FORMAT,
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        kernels, params,
+        point_pages::{PointPages, Spread},
+        recorder::{Recorder, Targets, cleared},
+        scene::Mesh,
+        textures::KeptTexture,
+        view,
     },
     nearfield::frame::{MOST_LIGHTS, NearFrame},
     plan::Pass,

@@ -1,16 +1,14 @@
 //! `light/project_sh` on the device. Twin: `light::project_sh`.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::{GrowingBuffer, Readback},
-            context::GpuContext,
-            kernel::{BoundGroup, Built},
-            kernels,
-            params::ProjectParams,
-            recorder::{Recorder, Timer},
-        },
+    EngineError,
+    gpu::{
+        buffers::{GrowingBuffer, Readback},
+        context::GpuContext,
+        kernel::{BoundGroup, Built},
+        kernels,
+        params::ProjectParams,
+        recorder::{Recorder, Timer},
     },
     light::project_sh::LEAF_SAMPLES,
     math::sh::{MAX_COEFFICIENTS, MAX_ORDER},

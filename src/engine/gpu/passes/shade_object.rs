@@ -1,22 +1,20 @@
 //! `compose/shade_object` on the device. Twin: `compose::shade_object`, over `compose::raster`.
 
 use crate::{
+    EngineError,
     compose::{geometry::MIRROR_EXPONENT, shade_object::Surroundings},
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::OBJECT_LAYER_FORMAT,
-            extents::Part,
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels,
-            params::{self, ObjectVertex, SurfaceVertex},
-            recorder::{Recorder, Targets, cleared},
-            scene::{MATERIAL_STRIDE, SceneBuffers},
-            surroundings::SurroundingsBuffers,
-            textures::KeptTexture,
-        },
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::OBJECT_LAYER_FORMAT,
+        extents::Part,
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        kernels,
+        params::{self, ObjectVertex, SurfaceVertex},
+        recorder::{Recorder, Targets, cleared},
+        scene::{MATERIAL_STRIDE, SceneBuffers},
+        surroundings::SurroundingsBuffers,
+        textures::KeptTexture,
     },
     plan::Pass,
 };

@@ -2,19 +2,17 @@
 
 use super::shade_object::Frame;
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::RATIOS_FORMAT,
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels,
-            params::{self, SurfaceVertex},
-            recorder::{Recorder, Targets, cleared},
-            scene::SceneBuffers,
-            textures::KeptTexture,
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::RATIOS_FORMAT,
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        kernels,
+        params::{self, SurfaceVertex},
+        recorder::{Recorder, Targets, cleared},
+        scene::SceneBuffers,
+        textures::KeptTexture,
     },
     plan::Pass,
 };

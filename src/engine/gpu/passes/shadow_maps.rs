@@ -1,18 +1,16 @@
 //! `visibility/shadow_maps` on the device. Twin: `visibility::shadow_maps`.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::SHADOW_MAP_FORMAT,
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels, params,
-            recorder::{Recorder, Targets, cleared},
-            scene::SceneBuffers,
-            textures::{KeptLayers, KeptTexture},
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::SHADOW_MAP_FORMAT,
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        kernels, params,
+        recorder::{Recorder, Targets, cleared},
+        scene::SceneBuffers,
+        textures::{KeptLayers, KeptTexture},
     },
     plan::Pass,
     visibility::shadow_maps::EMPTY_DEPTH,

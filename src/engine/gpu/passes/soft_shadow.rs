@@ -1,20 +1,18 @@
 //! `compose/soft_shadow` on the device. Twin: `compose::soft_shadow`.
 
 use crate::{
+    EngineError,
     compose::soft_shadow::{Planes, Transfer},
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::RATIOS_FORMAT,
-            kernel::{BoundGroup, Built, Drawing},
-            kernels,
-            params::{self, SurfaceVertex},
-            recorder::{Recorder, Targets, cleared},
-            scene::SceneBuffers,
-            textures::KeptTexture,
-        },
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::RATIOS_FORMAT,
+        kernel::{BoundGroup, Built, Drawing},
+        kernels,
+        params::{self, SurfaceVertex},
+        recorder::{Recorder, Targets, cleared},
+        scene::SceneBuffers,
+        textures::KeptTexture,
     },
     math::sh::MAX_ORDER,
     model::blocker::Rung,

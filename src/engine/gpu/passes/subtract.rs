@@ -6,20 +6,18 @@ use super::{
     turns::{Round, Stages, TURN_STRIDE, Turns, drawing},
 };
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::{RATIOS_FORMAT, SHADOW_MAP_FORMAT},
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            kernels, params,
-            point_pages::{PointPages, Spread},
-            recorder::{Recorder, Targets, cleared},
-            room_mesh::RoomMesh,
-            textures::{KeptLayers, KeptTexture},
-            view,
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::{RATIOS_FORMAT, SHADOW_MAP_FORMAT},
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        kernels, params,
+        point_pages::{PointPages, Spread},
+        recorder::{Recorder, Targets, cleared},
+        room_mesh::RoomMesh,
+        textures::{KeptLayers, KeptTexture},
+        view,
     },
     nearfield::{frame::NearFrame, sun_shadows::SunShadows},
     plan::Pass,

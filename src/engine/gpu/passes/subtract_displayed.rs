@@ -6,14 +6,12 @@ use super::{
     turns::{Stages, Turns},
 };
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            context::GpuContext,
-            kernel::{BoundGroup, Built, Resource},
-            kernels,
-            textures::KeptTexture,
-        },
+    EngineError,
+    gpu::{
+        context::GpuContext,
+        kernel::{BoundGroup, Built, Resource},
+        kernels,
+        textures::KeptTexture,
     },
     model::image::RadianceImage,
     nearfield::subtract_displayed::{DisplayCurve, DisplayedLights},

@@ -1,18 +1,16 @@
 //! `compose/tonemap` on the device. Twin: `compose::tonemap`.
 
 use crate::{
+    EngineError,
     compose::tonemap::{CELLS, ToneTable},
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            kernel::{BoundGroup, Built, Resource},
-            kernels,
-            params::TonemapParams,
-            recorder::Recorder,
-            textures::KeptTexture,
-        },
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        kernel::{BoundGroup, Built, Resource},
+        kernels,
+        params::TonemapParams,
+        recorder::Recorder,
+        textures::KeptTexture,
     },
     model::response::Response,
     plan::Pass,

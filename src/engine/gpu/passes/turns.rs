@@ -2,18 +2,16 @@
 //! blended, then what has come of it.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::GrowingBuffer,
-            context::GpuContext,
-            exchange::RATIOS_FORMAT,
-            kernel::{BoundGroup, Built, Drawing, Resource},
-            params::RoomVertex,
-            recorder::{Recorder, Targets, cleared},
-            room_mesh::RoomMesh,
-            textures::KeptTexture,
-        },
+    EngineError,
+    gpu::{
+        buffers::GrowingBuffer,
+        context::GpuContext,
+        exchange::RATIOS_FORMAT,
+        kernel::{BoundGroup, Built, Drawing, Resource},
+        params::RoomVertex,
+        recorder::{Recorder, Targets, cleared},
+        room_mesh::RoomMesh,
+        textures::KeptTexture,
     },
     nearfield::frame::NearFrame,
     plan::Pass,

@@ -1,16 +1,14 @@
 //! `light/unwrap_ball` on the device. Twin: `light::unwrap_ball`, which also makes the rays and the rest.
 
 use crate::{
-    engine::{
-        EngineError,
-        gpu::{
-            buffers::{GrowingBuffer, Readback},
-            context::GpuContext,
-            kernel::{BoundGroup, Built},
-            kernels,
-            params::UnwrapParams,
-            recorder::{Recorder, Timer},
-        },
+    EngineError,
+    gpu::{
+        buffers::{GrowingBuffer, Readback},
+        context::GpuContext,
+        kernel::{BoundGroup, Built},
+        kernels,
+        params::UnwrapParams,
+        recorder::{Recorder, Timer},
     },
     light::unwrap_ball::BallView,
     plan::Pass,

@@ -1,0 +1,23 @@
+//! Files in, model out.
+
+use halflight_core::{animate, light, model, nearfield, visibility};
+use halflight_math as math;
+
+pub mod calibration;
+pub mod dds;
+pub mod error;
+pub mod gltf;
+pub mod kept;
+pub mod kept_room;
+pub mod known_room;
+pub mod mapped_probe;
+pub mod normals;
+pub mod obj;
+pub mod pictures;
+pub mod response;
+pub mod room;
+pub mod scene;
+pub mod shapes;
+pub mod spheres;
+pub mod transfer;
+pub mod walker;

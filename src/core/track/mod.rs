@@ -1,0 +1,12 @@
+//! Where the camera is: tags, their poses, the plane that they lie in.
+
+pub mod align;
+pub mod drawing;
+pub mod edges;
+pub mod minima;
+pub mod plane;
+pub mod refine;
+pub mod rig_pose;
+pub mod state;
+pub mod tag;
+pub mod tag_pose;

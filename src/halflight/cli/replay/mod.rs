@@ -1,0 +1,253 @@
+//! `halflight replay`: a recording through the daemon's own pipeline.
+
+mod film;
+mod report;
+mod sheet;
+pub mod statistics;
+
+use super::{CliError, Common, common::PixelDigest, quality_flags::QualityFlags};
+use crate::assets::pictures;
+use crate::cli::progress::host;
+use crate::config::{
+    keys::KEYS,
+    settings::{RunMode, Settings},
+};
+use crate::daemon::run::{prepare, run as run_prepared};
+use crate::device::Truth;
+use crate::model::{frame::RawFrame, picture::Picture};
+use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
+use film::Film;
+use indicatif::{ProgressBar, ProgressStyle};
+use report::Report;
+use sheet::Sheet;
+use statistics::FrameNumbers;
+use std::path::{Path, PathBuf};
+
+/// Run a recording through the daemon's own pipeline and leave pictures, a film and a report.
+///
+/// Example: halflight replay desk.mcap --scene desk.toml --out out
+/// leaves out/frames/*.png, out/contact_sheet.png, out/replay.mp4 (where ffmpeg is installed), out/report.json and
+/// out/index.html. The result is the same every time.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Recording (MCAP), or any device name such as synthetic:frames=30.
+    #[arg(value_name = "REC")]
+    recording: String,
+    /// Scene file with the virtual objects.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Settings file; what is given on the command line wins.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Folder for the results; it is made where it is missing.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Stop after this many frames.
+    #[arg(long, value_name = "N")]
+    frames: Option<u64>,
+    /// As time passes instead of frame by frame: the newest frame wins.
+    #[arg(long)]
+    realtime: bool,
+    /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
+    #[arg(long, value_name = "VIEW")]
+    view: Option<String>,
+    /// Lay text over every picture: each effect, whether it is on, kept or off, and why.
+    #[arg(long)]
+    hud: bool,
+    /// Leave out the PNG of every frame.
+    #[arg(long)]
+    no_frames: bool,
+    /// A frame may take so long, milliseconds: the governor walks along the measured front to the settings that err least.
+    #[arg(long, value_name = "MS")]
+    budget_ms: Option<f64>,
+    /// The same as a rate, pictures a second.
+    #[arg(long, value_name = "FPS")]
+    target_fps: Option<f64>,
+    /// The error of shadows may be so large: the cheapest settings of the front that keep it.
+    #[arg(long, value_name = "ERROR")]
+    max_error: Option<f64>,
+    #[command(flatten)]
+    quality: QualityFlags,
+}
+
+/// Runs `halflight replay`.
+pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+    let settings = settings_of(&arguments, common)?;
+    let prepared = prepare(&settings, &host()).map_err(|e| CliError(e.to_string()))?;
+    if let Some(out) = &arguments.out {
+        let frames = out.join("frames");
+        std::fs::create_dir_all(&frames)
+            .map_err(|e| CliError::on(frames.display(), format!("cannot be made: {e}")))?;
+    }
+    let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
+    let mut sink = Collector::new(&arguments, total);
+    let engine = prepared.engine.clone();
+    let ran = run_prepared(prepared, &settings, None, &mut sink).map_err(|e| CliError(e.to_string()))?;
+    sink.progress.finish_and_clear();
+    if ran.counts.frames == 0 {
+        return Err(CliError::on(&arguments.recording, "holds no frames"));
+    }
+    let has_film = sink.finish_film();
+    let report = Report {
+        recording: arguments.recording.clone(),
+        engine,
+        counts: ran.counts,
+        frames: sink.numbers,
+        light: sink.light,
+        passes: ran.passes,
+        last_plan: ran.last_plan,
+        digest: sink.digest.hex(),
+    };
+    if let Some(out) = &arguments.out {
+        if let Some(picture) = sink.sheet.picture() {
+            save(&out.join("contact_sheet.png"), &picture)?;
+        }
+        write(&out.join("report.json"), &format!("{:#}\n", report.json()))?;
+        write(&out.join("index.html"), &report.page(has_film))?;
+    }
+    if common.json {
+        println!("{}", report.json());
+    } else {
+        print!("{}", report.table());
+        if let Some(out) = &arguments.out {
+            println!("\nresults in {}", out.display());
+        }
+    }
+    if common.digest && !common.json {
+        println!("digest {}", report.digest);
+    }
+    Ok(())
+}
+
+fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliError> {
+    let mut settings = match &arguments.config {
+        Some(path) => common.settings_from(path)?,
+        None => Settings::default(),
+    };
+    common.apply(&mut settings);
+    let name = &arguments.recording;
+    settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
+    settings.mode = if arguments.realtime { RunMode::Realtime } else { RunMode::Lockstep };
+    if let Some(frames) = arguments.frames {
+        settings.frames = frames;
+    }
+    settings.hud |= arguments.hud;
+    if let Some(view) = &arguments.view {
+        settings.view = super::render::view_named(view)?;
+    }
+    if let Some(scene) = &arguments.scene {
+        settings.scene_file = scene.display().to_string();
+    }
+    arguments.quality.apply(&mut settings)?;
+    for (flag, key, value) in [
+        ("--budget-ms", "quality.budget_ms", arguments.budget_ms),
+        ("--target-fps", "quality.target_fps", arguments.target_fps),
+        ("--max-error", "quality.max_error", arguments.max_error),
+    ] {
+        let (Some(value), Some(key)) = (value, KEYS.iter().find(|k| k.name == key)) else { continue };
+        if !key.range.admits(&value.into()) {
+            return Err(CliError(format!("{flag} = {value}: must be {} {}", key.range.describe(), key.unit)));
+        }
+        (key.write)(&mut settings, &value.into());
+    }
+    Ok(settings)
+}
+
+fn save(path: &Path, picture: &crate::model::image::Rgb8Image) -> Result<(), CliError> {
+    pictures::save_png(path, picture).map_err(|e| CliError(e.to_string()))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|e| CliError::on(path.display(), format!("cannot be written: {e}")))
+}
+
+/// Gathers what the report needs and writes pictures as they come.
+struct Collector {
+    out: Option<PathBuf>,
+    frames_folder: Option<PathBuf>,
+    film: Option<Film>,
+    film_started: bool,
+    sheet: Sheet,
+    digest: PixelDigest,
+    numbers: Vec<FrameNumbers>,
+    light: Option<crate::model::estimate::LightEstimate>,
+    progress: ProgressBar,
+}
+
+impl Collector {
+    fn new(arguments: &Arguments, total: Option<u64>) -> Self {
+        let progress = match total {
+            Some(n) => ProgressBar::new(n),
+            None => ProgressBar::new_spinner(),
+        };
+        if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
+            progress.set_style(style);
+        }
+        let frames_folder =
+            arguments.out.as_ref().filter(|_| !arguments.no_frames).map(|out| out.join("frames"));
+        Self {
+            out: arguments.out.clone(),
+            frames_folder,
+            film: None,
+            film_started: false,
+            sheet: Sheet::default(),
+            digest: PixelDigest::default(),
+            numbers: Vec::new(),
+            light: None,
+            progress,
+        }
+    }
+
+    fn film_frame(&mut self, picture: &Picture) {
+        let Some(out) = &self.out else { return };
+        if !self.film_started {
+            self.film_started = true;
+            let (width, height) = (picture.display.width(), picture.display.height());
+            match Film::start(&out.join("replay.mp4"), width, height, 30.0) {
+                Ok(film) => self.film = Some(film),
+                Err(why) => tracing::warn!("{why}"),
+            }
+        }
+        if let Some(Err(why)) = self.film.as_mut().map(|film| film.add(&picture.display)) {
+            tracing::warn!("{why}");
+            self.film = None;
+        }
+    }
+
+    fn finish_film(&mut self) -> bool {
+        match self.film.take().map(Film::finish) {
+            Some(Ok(())) => true,
+            Some(Err(why)) => {
+                tracing::warn!("{why}");
+                false
+            }
+            None => false,
+        }
+    }
+}
+
+impl FrameSink for Collector {
+    fn accept(
+        &mut self,
+        raw: &RawFrame,
+        truth: Option<&Truth>,
+        outcome: &FrameOutcome,
+        picture: &Picture,
+    ) -> Result<bool, PipelineError> {
+        self.digest.add_bytes(picture.display.pixels());
+        self.numbers.push(FrameNumbers::of(outcome, truth));
+        if outcome.light.is_some() {
+            self.light = outcome.light;
+        }
+        if self.out.is_some() {
+            self.sheet.offer(&picture.display);
+            self.film_frame(picture);
+        }
+        if let Some(folder) = &self.frames_folder {
+            let path = folder.join(format!("frame_{:06}.png", raw.sequence));
+            pictures::save_png(&path, &picture.display).map_err(|e| PipelineError::Output(e.to_string()))?;
+        }
+        self.progress.inc(1);
+        Ok(true)
+    }
+}
