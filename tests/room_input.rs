@@ -29,6 +29,7 @@ use halflight::{
 use proptest::prelude::*;
 use room_model::{Part, glb, material, room};
 use std::path::{Path, PathBuf};
+use support::wanted;
 
 fn decode(parts: &[Part]) -> Result<LoadedRoom, String> {
     decode_room(Path::new("room.glb"), &glb(parts, "", "")).map_err(|e| e.to_string())
@@ -196,7 +197,8 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
     };
     let report = ready(0.3, MapLayout::Equirect).unwrap();
     // But for what the lamp hides of the ceiling everything was seen; patches are many and small there.
-    assert!(report.fronts > 0.999 && report.seen_patches > 10 * report.filled_patches, "{report:?}");
+    assert!(report.fronts > 0.999, "{report:?}");
+    wanted::hold("room_input.filled", report.filled_patches as f64 / report.seen_patches as f64);
     let error = ready(-0.8, MapLayout::Equirect).unwrap_err();
     assert!(error.contains("room.glb") && error.contains("must be inside of the room"), "{error}");
     let error = ready(0.3, MapLayout::Cube).unwrap_err();
