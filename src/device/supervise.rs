@@ -30,7 +30,7 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// All.
+    /// In the order of the names that `from_name` knows.
     pub const ALL: [Self; 6] = [Self::Open, Self::Item, Self::Stop, Self::Inbox, Self::Show, Self::Engine];
 }
 
@@ -68,7 +68,7 @@ impl Budget {
         }
         let budget = Self { waits_s };
         let longest = budget.seconds(Wait::Open).max(budget.seconds(Wait::Item)) + DEADLINE_SLACK_S;
-        if budget.seconds(Wait::Stop) < longest {
+        if budget.seconds(Wait::Stop) < longest * (1.0 - 1e-12) {
             return refuse(format!(
                 "Stop = {} s must be at least {longest} s, the longest call of a device",
                 budget.seconds(Wait::Stop)
@@ -127,7 +127,7 @@ impl Default for Backoff {
 /// What a device's thread says.
 #[derive(Debug)]
 pub enum Delivery<T> {
-    /// An item.
+    /// What the device gave, in its order.
     Item(T),
     /// The device is lost, or could not be opened; it is opened again and again from now on. Said once for each loss.
     Lost(DeviceError),

@@ -5,7 +5,7 @@
 use super::{
     carried::RUN,
     shade_object::{LightTerms, soft_over_pi, unshadowed},
-    soft_shadow::Flat,
+    soft_shadow::FlatReceiver,
 };
 use crate::math::widest::widest;
 use crate::visibility::shadow_maps::{FlatLight, ShadowMaps};
@@ -40,7 +40,7 @@ fn left_of(whole_rgb: [f32; 3], blocked_rgb: [f32; 3]) -> [f32; 3] {
 
 /// Everything that the pixels of one frame share.
 pub struct SurfaceFrame<'a> {
-    /// The light.
+    /// Hard lights, and the rest as harmonics.
     pub light: &'a LightTerms,
     /// The shadow maps, one for each hard light.
     pub shadows: &'a ShadowMaps,
@@ -88,7 +88,7 @@ pub fn at(
 /// `lights`; `soft_taken` channel by channel. `out` gets one ratio each.
 pub fn at_run(
     frame: &SurfaceFrame<'_>,
-    flat: &Flat,
+    flat: &FlatReceiver,
     lights: &[FlatLight],
     points_world: &[[f32; RUN]; 3],
     soft_taken: &[[f32; RUN]; 3],

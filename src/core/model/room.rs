@@ -31,7 +31,7 @@ pub struct RoomSurface {
     pub name: String,
     /// Corners of the faces, world frame, metres.
     pub corners_world: Vec<Vec3>,
-    /// Its faces.
+    /// Triangles and quads; indices into the corners.
     pub faces: Vec<Face>,
     /// Diffuse reflectance, linear RGB within [0, 1).
     pub reflectance_rgb: [f32; 3],
