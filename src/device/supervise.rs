@@ -30,7 +30,7 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// In the order of the names that `from_name` knows.
+    /// Each kind of wait once.
     pub const ALL: [Self; 6] = [Self::Open, Self::Item, Self::Stop, Self::Inbox, Self::Show, Self::Engine];
 }
 
@@ -294,7 +294,6 @@ pub fn stop_all(supervisors: Vec<Supervisor>) -> Vec<Stopped> {
 }
 
 /// Starts a device's thread.
-///
 /// `open` opens the device by a deadline, `next` asks it for an item by a deadline, `deliver` takes what happens and returns
 /// whether to go on; it must not block. All three run on the thread. `Refused` where no thread can be made.
 pub fn supervise<S: 'static, T: 'static>(

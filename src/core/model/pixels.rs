@@ -19,7 +19,7 @@ pub enum BayerOrder {
 }
 
 impl BayerOrder {
-    /// In the order of the names that `from_name` knows.
+    /// Each of them once.
     pub const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
 
     /// The channel (0 red, 1 green, 2 blue) of the pixel at a column and a row.
@@ -52,7 +52,7 @@ pub enum BayerDepth {
 }
 
 impl BayerDepth {
-    /// In the order of the names that `from_name` knows.
+    /// Each of them once.
     pub const ALL: [Self; 6] =
         [Self::Bits8, Self::Bits10, Self::Bits10Packed, Self::Bits12, Self::Bits12Packed, Self::Bits16];
 
