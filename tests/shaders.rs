@@ -5,9 +5,9 @@ use std::{collections::BTreeSet, path::Path};
 
 use halflight::{
     engine::gpu::{
+        TABLE,
         context::{STORAGE_BUFFERS_PER_STAGE, WORKGROUP_INVOCATIONS, WORKGROUP_MEMORY_BYTES},
         kernel::{BindingKind, Kernel},
-        kernels::TABLE,
     },
     plan::Pass,
 };
@@ -47,7 +47,7 @@ fn every_pass_has_a_row_a_twin_and_a_shader() {
         let shader = format!("shaders/{name}.wgsl");
         let own = kernel.sources.last().expect("a kernel has sources");
         assert_eq!(own.path, shader, "{name}: its own file comes last");
-        let twin = format!("src/{name}.rs");
+        let twin = format!("src/core/{name}.rs");
         assert!(root().join(&twin).is_file(), "{name}: no twin at {twin}");
         let text = std::fs::read_to_string(root().join(&twin)).expect("readable");
         assert!(text.contains(&shader), "{twin} does not name its shader {shader}");
@@ -95,7 +95,7 @@ fn entry_points_are_those_of_the_table() {
         let entries: BTreeSet<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(entries, kernel.entries.iter().copied().collect(), "{}", kernel.pass.name());
         let draws = module.entry_points.iter().any(|entry| entry.stage != ShaderStage::Compute);
-        assert_eq!(draws, kernel.draws(), "{}", kernel.pass.name());
+        assert_eq!(draws, kernel.pass.draws_triangles(), "{}", kernel.pass.name());
     }
 }
 

@@ -7,7 +7,7 @@ use halflight::light::unwrap_ball::BallShot;
 use halflight::{
     assets::shapes,
     engine::{
-        Bracket, Engine, LightJob, RelightInput,
+        Bracket, Engine, LightJob, RelightInput, Timings,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
@@ -211,7 +211,7 @@ pub fn run() {
             Err(error) => println!("  {error}"),
         }
         for backend in Backend::ALL {
-            match GpuEngine::new(Some(backend)) {
+            match GpuEngine::new(Some(backend)).map(|engine| engine.with_timings(Timings::Fenced)) {
                 Ok(mut engine) => measure(&frame, &mut engine),
                 Err(error) => println!("  {error}"),
             }
