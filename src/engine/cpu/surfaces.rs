@@ -21,6 +21,11 @@ impl Twins {
     pub(super) fn shade_surface(&mut self, job: &FrameJob<'_>, state: &mut FrameState) {
         self.project_surfaces(job, state);
         let (view, quality) = (&job.camera, job.quality);
+        let soft_drawn = job.uses.make(Product::SoftShadows);
+        if soft_drawn {
+            // They may have been made on a device.
+            self.coarse_rays.update(&job.coarse_lens(), 1);
+        }
         state.planes.prepare_light(&job.light, &state.shadows, quality.pcf_taps);
         let soft = &state.results.soft;
         let shader = SurfaceShader {
@@ -36,7 +41,7 @@ impl Twins {
                 rays: &self.coarse_rays,
                 step: quality.soft_step_px as usize,
             },
-            soft_drawn: job.uses.make(Product::SoftShadows),
+            soft_drawn,
             camera_from_world: view.world_from_camera.transpose(),
             eye: view.eye,
             width: self.rays.width(),
