@@ -40,9 +40,8 @@ pub struct Relighter {
     pub spread: Spread,
     /// Whether linear radiance is read back.
     pub wants_linear: bool,
+    /// One for each frame that the device may work on.
     staging: [Staging; 2],
-    /// Frames that were drawn: odd ones go through one staging, even ones through the other.
-    drawn: usize,
     /// A frame that was begun and not yet handed out.
     waiting: Option<WaitingFrame>,
     /// Memory for the next picture that is drawn ahead.
@@ -135,7 +134,6 @@ impl Relighter {
             spread: Spread::default(),
             wants_linear: false,
             staging: [const { Staging::new() }; 2],
-            drawn: 0,
             waiting: None,
             spare: Picture::default(),
         }
@@ -259,8 +257,9 @@ impl Relighter {
     ) -> Result<FrameInFlight, EngineError> {
         check_frame(&plan.quality, input)?;
         let job = FrameJob::planned(plan, input);
-        self.drawn += 1;
-        let number = self.drawn % 2;
+        // The frame before may still be on its way through one of them.
+        let before = self.waiting.as_ref().and_then(|waiting| waiting.in_flight.as_ref());
+        let number = before.map_or(0, |before| 1 - before.staging);
         let Self { state, scene, exchange, kernels, staging, wants_linear, .. } = self;
         state.begin(plan, &job);
         kernels.twins.begin(job.uses);
