@@ -17,7 +17,7 @@ use halflight::model::{
     scene::{Material, RealSurface, Scene, VirtualObject},
     time::Timestamp,
 };
-use halflight::pipeline::views::{Subject, Views};
+use halflight::present::views::{Subject, Views};
 use halflight::plan::{FramePlan, Pass};
 
 const WIDTH: usize = 160;

@@ -1,7 +1,8 @@
 //! Tags are looked for on a thread of their own, one picture at a time; the pose over time is kept here.
 
 use crate::model::{
-    estimate::PoseEstimate, frame::RawFrame, image::Image, response::Response, rig::Rig, time::Timestamp,
+    estimate::PoseEstimate, frame::RawFrame, image::Image, imu::ImuSample, response::Response, rig::Rig,
+    time::Timestamp,
 };
 pub use crate::track::state::{FollowOptions, TrackState, Update};
 use crate::track::{
@@ -129,6 +130,14 @@ impl Tracker {
     pub fn state(&self) -> &TrackState {
         &self.state
     }
+
+    /// The best that is known of the pose at a moment; `None` before the first tag.
+    pub fn pose_at(&self, t: Timestamp) -> Option<PoseEstimate> {
+        self.state.pose_at(t)
+    }
+
+    /// Takes an inertial sample.
+    pub fn sense(&mut self, _sample: &ImuSample) {}
 
     /// The rig that is followed.
     pub fn rig(&self) -> &Rig {

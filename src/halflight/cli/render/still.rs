@@ -21,7 +21,7 @@ use crate::model::{
     time::Timestamp,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::pipeline::views::{Subject, Views};
+use crate::present::views::{Subject, Views};
 use crate::plan::{FramePlan, PassTiming};
 use std::sync::Arc;
 
