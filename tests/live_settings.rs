@@ -153,8 +153,7 @@ fn a_changed_key_acts_as_if_it_had_been_there_from_the_start() {
 fn a_view_comes_and_goes_and_mistakes_change_nothing() {
     let settings = Settings { frames: 10, ..base() };
     let plain = pictures(&settings, |_| None);
-    let mirrors =
-        pictures(&Settings { frames: 10, ..typed("present.view = \"mirror\"").unwrap() }, |_| None);
+    let mirrors = pictures(&Settings { frames: 10, ..typed("present.view = \"mirror\"").unwrap() }, |_| None);
     let got = pictures(&settings, |done| match done {
         3 => Some(typed("present.view = \"mirrors\"")),
         4 => Some(typed("present.view = \"mirror\"")),

@@ -6,7 +6,9 @@
 #[path = "support/sys.rs"]
 mod sys;
 
-use halflight::device::{DeviceError, ErrorKind, FrameSource, ImuSource, clock::ManualClock, clock::MonotonicClock};
+use halflight::device::{
+    DeviceError, ErrorKind, FrameSource, ImuSource, clock::ManualClock, clock::MonotonicClock,
+};
 use halflight::engine::cpu::CpuEngine;
 use halflight::math::{lens::Lens, pose::Pose};
 use halflight::model::{
@@ -129,7 +131,8 @@ fn picture(bright: u8) -> Arc<Rgb8Image> {
 #[test]
 fn twenty_thousand_frames_hold_the_memory_still() {
     let tags = vec![TagPlacement { id: 0, side_m: 0.1, world_from_tag: Pose::IDENTITY }];
-    let rig = Rig { lens: Lens::pinhole(SIZE[0] as u32, SIZE[1] as u32, 60.0, 60.0, 32.0, 24.0), tags, ball: None };
+    let rig =
+        Rig { lens: Lens::pinhole(SIZE[0] as u32, SIZE[1] as u32, 60.0, 60.0, 32.0, 24.0), tags, ball: None };
     let options = Options {
         exposures_in_cycle: 2,
         hud: true,

@@ -21,7 +21,7 @@ use halflight::model::{
 };
 use halflight::pipeline::{
     Options, Pipeline, PipelineError,
-    lockstep::Lockstep,
+    lockstep::{Lockstep, Reopen},
     turns::{FinishedFrame, FrameSink, RunCounts, run},
 };
 use std::sync::{Arc, Mutex};
@@ -125,7 +125,8 @@ impl FrameSink for Viewer {
         let world = &mut *self.world.lock().unwrap();
         assert!(world.lost_since.is_none(), "frames come while the camera is lost");
         let is_measured = finished.outcome.pose.is_some_and(|pose| pose.provenance == Provenance::Measured);
-        let is_whole = is_measured && finished.outcome.light.is_some() && !finished.outcome.shown.is_passed_through();
+        let is_whole =
+            is_measured && finished.outcome.light.is_some() && !finished.outcome.shown.is_passed_through();
         if is_whole {
             self.whole += 1;
             if let Some(back_at) = world.back_at.take() {
@@ -194,7 +195,7 @@ fn a_camera_that_is_lost_a_thousand_times_never_ends_the_loop() {
         let next_at = clock.now().plus_seconds(PERIOD_S);
         Ok(Box::new(Flaky { clock, world, next_at, silent_until: None, given: 0 }))
     };
-    let mut open = Box::new(open);
+    let mut open: Reopen = Box::new(open);
     let first = loop {
         if let Ok(camera) = open() {
             break camera;

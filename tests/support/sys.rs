@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicIsize, AtomicUsize, Ordering};
 
 /// Allocations and reallocations so far, of the whole process but for the test harness: its thread, the process' first, tells of
 /// tests that take over a minute, at any moment. Where it runs the test itself it counts.
+#[allow(dead_code, reason = "not every test that counts bytes asks for it")]
 pub fn allocations() -> usize {
     if is_first_thread() {
         FIRST_COUNTS.store(true, Ordering::Relaxed);

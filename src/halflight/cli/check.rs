@@ -25,8 +25,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let Some(path) = arguments.config else { return Ok(()) };
     let read = file::read(&path).map_err(CliError)?;
     let typed = read.keys.len();
-    resolve(&path.display().to_string(), &read, &Settings::default())
-        .map_err(|e| CliError(e.to_string()))?;
+    resolve(&path.display().to_string(), &read, &Settings::default()).map_err(|e| CliError(e.to_string()))?;
     if common.json {
         println!(
             "{}",

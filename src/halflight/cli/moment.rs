@@ -70,8 +70,7 @@ impl Moment {
         let failed = |e: PipelineError| CliError(e.to_string());
         let mut prepared = prepare(&settings, &host()).map_err(failed)?;
         let mut newest = Newest::default();
-        let mut events =
-            Lockstep::new(Arc::default(), prepared.source, prepared.imu, ManualClock::default());
+        let mut events = Lockstep::new(Arc::default(), prepared.source, prepared.imu, ManualClock::default());
         run_turns(&mut events, &mut prepared.pipeline, &mut newest, frame).map_err(failed)?;
         let from = prepared.pipeline.drawn_from();
         let pose = newest.outcome.as_ref().and_then(|o| o.pose);

@@ -57,7 +57,9 @@ fn flatten(table: &Table) -> Vec<TypedKey> {
     for (name, value) in table {
         match value {
             Value::Table(inner) => {
-                out.extend(flatten(inner).into_iter().map(|key| TypedKey { name: joined(name, &key.name), ..key }));
+                out.extend(
+                    flatten(inner).into_iter().map(|key| TypedKey { name: joined(name, &key.name), ..key }),
+                );
             }
             _ => out.push(TypedKey { name: name.clone(), value: value.clone(), place: None }),
         }
@@ -93,7 +95,8 @@ mod tests {
 
     #[test]
     fn keys_have_their_places() {
-        let typed = parse("quality.spheres = 7\n\n[light]\n# how many\norder  =  3\n'tau' = \"é\" # s\n").unwrap();
+        let typed =
+            parse("quality.spheres = 7\n\n[light]\n# how many\norder  =  3\n'tau' = \"é\" # s\n").unwrap();
         let keys: Vec<_> = typed.keys.iter().map(|k| (k.name.as_str(), k.place.unwrap())).collect();
         assert_eq!(keys, [("quality.spheres", [1, 19]), ("light.order", [5, 11]), ("light.tau", [6, 9])]);
         assert_eq!(line_and_column("é = 1", 5), [1, 5], "columns are characters");

@@ -83,10 +83,15 @@ mod tests {
             "{all}"
         );
         assert!(
-            all.contains("test.toml:3:21: quality.shadow_map_texels = 9999: must be an integer within 64..=4096 texels"),
+            all.contains(
+                "test.toml:3:21: quality.shadow_map_texels = 9999: must be an integer within 64..=4096 texels"
+            ),
             "{all}"
         );
-        assert!(all.contains("test.toml:5:9: light.order = \"four\": must be an integer within 2..=6"), "{all}");
+        assert!(
+            all.contains("test.toml:5:9: light.order = \"four\": must be an integer within 2..=6"),
+            "{all}"
+        );
     }
 
     #[test]

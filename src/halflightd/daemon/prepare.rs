@@ -85,11 +85,7 @@ fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response
 
 /// Loads the scene of the settings with the rig that the device or the scene file knows, and makes its bodies and its room
 /// ready.
-fn open_scene(
-    settings: &Settings,
-    rig: Option<Rig>,
-    host: &Host<'_>,
-) -> Result<OpenedScene, PipelineError> {
+fn open_scene(settings: &Settings, rig: Option<Rig>, host: &Host<'_>) -> Result<OpenedScene, PipelineError> {
     let Some(file) = scene_file_of(settings)? else {
         let rig = rig.ok_or_else(|| {
             PipelineError::Setup(format!(

@@ -35,11 +35,7 @@ pub struct Ran {
 }
 
 /// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.
-pub fn run(
-    prepared: Prepared,
-    settings: &Settings,
-    sink: &mut dyn FrameSink,
-) -> Result<Ran, PipelineError> {
+pub fn run(prepared: Prepared, settings: &Settings, sink: &mut dyn FrameSink) -> Result<Ran, PipelineError> {
     run_from(Arc::default(), prepared, settings, sink)
 }
 

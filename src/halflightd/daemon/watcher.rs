@@ -101,12 +101,21 @@ mod tests {
         Timestamp::from_seconds(seconds)
     }
 
+    /// What is told at each of these times.
+    fn looks<const N: usize>(watcher: &mut Watcher, seconds: [f64; N]) -> [Option<String>; N] {
+        seconds.map(|seconds| watcher.look(at(seconds)).map(str::to_owned))
+    }
+
+    fn some(content: &str) -> Option<String> {
+        Some(content.to_owned())
+    }
+
     #[test]
     fn content_is_told_once_and_only_at_rest() {
         let folder = Folder::new("rest");
         let path = folder.write("a.toml", "x = 1");
         let mut watcher = Watcher::new(&path, "x = 1");
-        assert_eq!((watcher.look(at(0.0)), watcher.look(at(1.0))), (None, None), "nothing new");
+        assert_eq!(looks(&mut watcher, [0.0, 1.0]), [None, None], "nothing new");
         folder.write("a.toml", "x = 22");
         assert_eq!(watcher.look(at(2.0)), None, "it may be written still");
         assert_eq!(watcher.look(at(2.07)), None);
@@ -122,16 +131,16 @@ mod tests {
         let path = folder.write("a.toml", "x = 1");
         let mut watcher = Watcher::new(&path, "");
         std::fs::remove_file(&path).unwrap();
-        assert_eq!((watcher.look(at(0.0)), watcher.look(at(1.0))), (None, None));
+        assert_eq!(looks(&mut watcher, [0.0, 1.0]), [None, None]);
         folder.write("a.toml", "");
-        assert_eq!((watcher.look(at(2.0)), watcher.look(at(3.0))), (None, None));
+        assert_eq!(looks(&mut watcher, [2.0, 3.0]), [None, None]);
         folder.write("a.toml", "x = 1");
-        assert_eq!((watcher.look(at(4.0)), watcher.look(at(5.0))), (None, Some("x = 1")));
+        assert_eq!(looks(&mut watcher, [4.0, 5.0]), [None, some("x = 1")]);
         // Gone and back with the same content: nothing has changed.
         std::fs::remove_file(&path).unwrap();
         assert_eq!(watcher.look(at(6.0)), None);
         folder.write("a.toml", "x = 1");
-        assert_eq!((watcher.look(at(7.0)), watcher.look(at(8.0))), (None, None));
+        assert_eq!(looks(&mut watcher, [7.0, 8.0]), [None, None]);
     }
 
     #[test]
@@ -145,9 +154,9 @@ mod tests {
         let (link, next) = (folder.0.join("link.toml"), folder.0.join("next"));
         std::os::unix::fs::symlink(&one, &link).unwrap();
         let mut watcher = Watcher::new(&link, "x = 1");
-        assert_eq!((watcher.look(at(0.0)), watcher.look(at(1.0))), (None, None));
+        assert_eq!(looks(&mut watcher, [0.0, 1.0]), [None, None]);
         std::os::unix::fs::symlink(&two, &next).unwrap();
         std::fs::rename(&next, &link).unwrap();
-        assert_eq!((watcher.look(at(2.0)), watcher.look(at(3.0))), (None, Some("x = 2")));
+        assert_eq!(looks(&mut watcher, [2.0, 3.0]), [None, some("x = 2")]);
     }
 }

@@ -155,8 +155,10 @@ impl Inbox {
                 return event;
             }
             let Some(left) = time_left(clock.now(), awaited.deadline) else { return Event::Due };
-            lanes =
-                self.arrived.wait_timeout(lanes, left).map_or_else(|poisoned| poisoned.into_inner().0, |w| w.0);
+            lanes = self
+                .arrived
+                .wait_timeout(lanes, left)
+                .map_or_else(|poisoned| poisoned.into_inner().0, |w| w.0);
         }
     }
 
@@ -233,7 +235,10 @@ fn time_left(now: Timestamp, deadline: Timestamp) -> Option<Duration> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{ErrorKind, clock::{ManualClock, MonotonicClock}};
+    use crate::device::{
+        ErrorKind,
+        clock::{ManualClock, MonotonicClock},
+    };
     use crate::model::{frame::Exposure, image::Image};
     use proptest::prelude::*;
     use std::sync::Arc;

@@ -162,9 +162,7 @@ mod tests {
             }
         };
         live.add_camera("test", open).unwrap();
-        let mut next = || {
-            live.next_event(Awaited { frame: true, deadline: live.now().plus_seconds(60.0) })
-        };
+        let mut next = || live.next_event(Awaited { frame: true, deadline: live.now().plus_seconds(60.0) });
         for k in 1..=5 {
             is_asked.recv().unwrap();
             give.send(Ok(k)).unwrap();

@@ -290,7 +290,10 @@ impl Pipeline {
     }
 
     /// The pose at the frame's time; `Err` says why the frame can only be shown as it came.
-    fn locate(&mut self, frame: &RawFrame) -> Result<Result<Option<PoseEstimate>, &'static str>, PipelineError> {
+    fn locate(
+        &mut self,
+        frame: &RawFrame,
+    ) -> Result<Result<Option<PoseEstimate>, &'static str>, PipelineError> {
         match self.tracker.track(frame) {
             Ok(pose) => Ok(Ok(pose)),
             // The camera has come back with pictures of another size, say.
@@ -336,12 +339,7 @@ impl Pipeline {
     }
 
     /// Draws the virtual objects where the camera will be at `shown_at`, or says in the outcome why not.
-    fn present(
-        &mut self,
-        frame: &RawFrame,
-        light: Option<&LightEstimate>,
-        shown_at: Timestamp,
-    ) -> Shown {
+    fn present(&mut self, frame: &RawFrame, light: Option<&LightEstimate>, shown_at: Timestamp) -> Shown {
         let pose = self.tracker.pose_at(shown_at);
         let light_is_known = light.is_some() || self.presenting.has_room();
         let row = policy::judge(policy::missing_of_frame(pose.as_ref(), light_is_known));

@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn each_row_holds_from_its_time_on() {
         for row in TABLE {
-            let mut clock = ManualClock::new(Timestamp::from_seconds(7.0));
+            let clock = ManualClock::new(Timestamp::from_seconds(7.0));
             let lost_at = clock.now();
             let at = |clock: &ManualClock| says(&[(row.missing, clock.now().seconds_since(lost_at))]);
             if row.after_s > 0.0 {
@@ -250,7 +250,10 @@ mod tests {
         };
         assert_eq!(of(None, true), Some((Shows::CameraAlone, "no tag found yet")));
         assert_eq!(of(Some(pose(Provenance::Measured)), true), None);
-        assert_eq!(of(Some(pose(Provenance::Measured)), false), Some((Shows::CameraAlone, "light not measured yet")));
+        assert_eq!(
+            of(Some(pose(Provenance::Measured)), false),
+            Some((Shows::CameraAlone, "light not measured yet"))
+        );
         let predicted = |age_s| of(Some(pose(Provenance::Predicted { age_s })), true);
         assert_eq!(predicted(0.5), Some((Shows::Everything, "the pose is predicted")));
         assert_eq!(predicted(0.51), Some((Shows::CameraAlone, "tag lost")));

@@ -99,7 +99,7 @@ mod tests {
 
     /// A camera and a display on one simulated clock; `drawing_ms` of the picture's number.
     fn simulate(camera_ns: i64, display_ns: i64, drawing_ms: impl Fn(u32) -> f64) -> Simulated {
-        let (mut clock, mut schedule) = (ManualClock::default(), Schedule::default());
+        let (clock, mut schedule) = (ManualClock::default(), Schedule::default());
         schedule.follow(Some(Rhythm { at: Timestamp(3 * MS), period_ns: display_ns }));
         let mut run = Simulated::default();
         let (mut last_frame, mut last_aim) = (-1, Timestamp(i64::MIN));
