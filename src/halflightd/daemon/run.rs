@@ -49,7 +49,8 @@ pub fn run_from(
     let Prepared { source, imu, mut pipeline, .. } = prepared;
     let counts = match settings.mode {
         RunMode::Lockstep => {
-            let mut lockstep = Lockstep::new(inbox, source, imu, ManualClock::default());
+            let mut lockstep = Lockstep::new(inbox, source, imu, ManualClock::default())
+                .looking_ahead(settings.search_ahead);
             turns::run(&mut lockstep, &mut pipeline, sink, settings.frames)?
         }
         RunMode::Realtime => run_live(inbox, source, imu, &mut pipeline, settings, sink)?,
@@ -70,7 +71,8 @@ fn run_live(
     let budget = Budget::of_watchdog(period_s).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let pace = Pace::new(Arc::clone(&clock));
     let mut live = Live::new(inbox, clock, budget);
-    live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()))?;
+    let early = settings.search_ahead.then(|| pipeline.early_search());
+    live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()), early)?;
     if let Some(imu) = imu {
         live.add_imu(&settings.camera, imu_opener(imu, settings, pace))?;
     }

@@ -2,6 +2,7 @@
 
 use super::event::{Awaited, DeviceRole, Event, EventSource};
 use super::inbox::Inbox;
+use super::tracking::EarlySearch;
 use crate::device::{
     Clock, DeviceError, FrameSource, ImuSource,
     supervise::{Budget, Delivery, Stopped, Supervision, Supervisor, stop_all, supervise},
@@ -36,7 +37,7 @@ impl Live {
     }
 
     /// Starts a camera's thread. `open` opens it, and opens it anew when it was lost. When it ends or refuses, there are
-    /// no more frames.
+    /// no more frames. Tags are looked for in each frame as soon as it has come, with `early`.
     ///
     /// # Errors
     /// `Refused` where no thread can be made.
@@ -44,6 +45,7 @@ impl Live {
         &mut self,
         name: &str,
         open: impl FnMut(Timestamp) -> Result<Box<dyn FrameSource>, DeviceError> + Send + 'static,
+        early: Option<EarlySearch>,
     ) -> Result<(), DeviceError> {
         let inbox = Arc::clone(&self.inbox);
         let next = |source: &mut Box<dyn FrameSource>, deadline| {
@@ -52,7 +54,12 @@ impl Live {
         };
         let deliver = move |delivery| {
             match delivery {
-                Delivery::Item((frame, truth)) => inbox.put_frame(frame, truth),
+                Delivery::Item((frame, truth)) => {
+                    if let Some(early) = &early {
+                        early.offer(&frame);
+                    }
+                    inbox.put_frame(frame, truth);
+                }
                 Delivery::Lost(error) => inbox.put_lost(DeviceRole::Camera, error),
                 Delivery::Back => inbox.put_back(DeviceRole::Camera),
                 Delivery::Refused(error) => inbox.put_end(Err(error)),
@@ -161,7 +168,7 @@ mod tests {
                 }
             }
         };
-        live.add_camera("test", open).unwrap();
+        live.add_camera("test", open, None).unwrap();
         let mut next = || live.next_event(Awaited { frame: true, deadline: live.now().plus_seconds(60.0) });
         for k in 1..=5 {
             is_asked.recv().unwrap();

@@ -25,6 +25,10 @@ pub struct Lockstep {
     backoff: Backoff,
     /// When a lost camera is opened again.
     reopen_at: Option<Timestamp>,
+    /// The frame after the one that is drawn is read already.
+    looks_ahead: bool,
+    /// What reading ahead came to, until its turn.
+    failed_ahead: Option<DeviceError>,
     is_over: bool,
 }
 
@@ -54,6 +58,8 @@ impl Lockstep {
             reopen: None,
             backoff: Backoff::default(),
             reopen_at: None,
+            looks_ahead: false,
+            failed_ahead: None,
             is_over: false,
         }
     }
@@ -64,13 +70,24 @@ impl Lockstep {
         self
     }
 
+    /// Reads each frame before the one before it is drawn, so that tags are looked for in it meanwhile. The same events come
+    /// in the same order.
+    pub fn looking_ahead(mut self, looks_ahead: bool) -> Self {
+        self.looks_ahead = looks_ahead;
+        self
+    }
+
     /// Puts the next item of all sources into the inbox.
     fn fill(&mut self, deadline: Timestamp) -> Filled {
         if self.is_over {
             return Filled::Something;
         }
         if self.ahead.is_none() {
-            match self.read_frame(deadline) {
+            let read = match self.failed_ahead.take() {
+                Some(error) => Err(error),
+                None => self.read_frame(deadline),
+            };
+            match read {
                 Ok(Some(frame)) => self.ahead = Some(frame),
                 Ok(None) => return Filled::Something,
                 Err(error) => return self.handle(error, deadline),
@@ -179,6 +196,18 @@ impl EventSource for Lockstep {
     fn now(&self) -> Timestamp {
         self.clock.now()
     }
+
+    fn frame_ahead(&mut self) -> Option<&RawFrame> {
+        // Only a source that never waits is asked before its time.
+        let is_ready = self.frames.as_ref().is_some_and(|frames| frames.delivers_at_once());
+        if self.looks_ahead && is_ready && self.ahead.is_none() && !self.is_over {
+            match self.read_frame(Timestamp::NEVER) {
+                Ok(frame) => self.ahead = frame.or(self.ahead.take()),
+                Err(error) => self.failed_ahead = Some(error),
+            }
+        }
+        self.ahead.as_ref().filter(|_| self.looks_ahead).map(|(frame, _)| frame)
+    }
 }
 
 #[cfg(test)]
@@ -188,9 +217,15 @@ mod tests {
 
     #[test]
     fn frames_and_samples_come_merged_by_time() {
+        frames_and_samples(false);
+        frames_and_samples(true);
+    }
+
+    fn frames_and_samples(looks_ahead: bool) {
         let opened = open("synthetic:frames=4,size=16x16,fps=10,texel_mm=40").unwrap();
         let clock = ManualClock::default();
-        let mut lockstep = Lockstep::new(Arc::default(), opened.frames, opened.imu, clock.clone());
+        let mut lockstep = Lockstep::new(Arc::default(), opened.frames, opened.imu, clock.clone())
+            .looking_ahead(looks_ahead);
         let awaited = Awaited { frame: true, deadline: Timestamp::NEVER };
         let (mut newest, mut samples, mut frames) = (Timestamp(i64::MIN), 0, 0);
         loop {
@@ -206,6 +241,8 @@ mod tests {
                     assert!(arrived.truth.is_some());
                     newest = arrived.frame.t_mid;
                     frames += 1;
+                    let ahead = lockstep.frame_ahead().map(|frame| frame.sequence);
+                    assert_eq!(ahead, (looks_ahead && frames < 4).then_some(arrived.frame.sequence + 1));
                 }
                 Event::Ended(how) => {
                     how.unwrap();

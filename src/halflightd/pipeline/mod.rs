@@ -51,7 +51,7 @@ pub use options::{Change, GovernorChange, Options};
 use policy::Shows;
 use presenting::{PictureParts, Presenting};
 use std::sync::Arc;
-use tracking::{Tracker, TrackingError};
+use tracking::{EarlySearch, Tracker, TrackingError};
 
 /// Why the pipeline could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -243,13 +243,19 @@ impl Pipeline {
         self.tracker.sense(sample);
     }
 
+    /// Has frames searched for tags before their turn.
+    pub fn early_search(&self) -> EarlySearch {
+        self.tracker.early()
+    }
+
     /// One frame, all stages, seen at its own time.
     pub fn frame(&mut self, frame: &RawFrame) -> Result<FrameOutcome, PipelineError> {
-        self.frame_for(frame, None)
+        self.frame_for(frame, None, None)
     }
 
     /// One frame, all stages, to be seen at `shown_at` (`None`: at the frame's own time): virtual objects are posed for
-    /// that moment. Whatever fails degrades the picture, and is logged.
+    /// that moment. `ahead` is the frame after it, where that is there already: tags are looked for in it while this one is
+    /// drawn. Whatever fails degrades the picture, and is logged.
     ///
     /// # Errors
     /// Only a fault in the tracking thread.
@@ -257,6 +263,7 @@ impl Pipeline {
         &mut self,
         frame: &RawFrame,
         shown_at: Option<Timestamp>,
+        ahead: Option<&RawFrame>,
     ) -> Result<FrameOutcome, PipelineError> {
         self.presenting.see(frame);
         self.passes.clear();
@@ -264,6 +271,9 @@ impl Pipeline {
         let is_itself = self.is_picture_itself(frame);
         let located = if is_itself { Err("nothing virtual to draw") } else { self.locate(frame)? };
         times.located_at(self.watch.now());
+        if let Some(ahead) = ahead.filter(|_| !is_itself) {
+            self.tracker.early().offer(ahead);
+        }
         let mut estimates = (None, None);
         let shown = match located {
             Err(why) => self.show_as_it_is(frame, why),

@@ -145,7 +145,7 @@ impl Turns<'_> {
         &mut self,
         arrived: &ArrivedFrame,
         latch: Latch,
-        events: &dyn EventSource,
+        events: &mut dyn EventSource,
     ) -> Result<bool, PipelineError> {
         let ArrivedFrame { frame, passed_over, truth } = arrived;
         let began = events.now();
@@ -162,7 +162,7 @@ impl Turns<'_> {
         if let Some(row) = policy::judge(self.absences.missing(began)) {
             self.pipeline.note(format_args!("{}", row.says));
         }
-        let outcome = self.pipeline.frame_for(frame, latch.shown_at)?;
+        let outcome = self.pipeline.frame_for(frame, latch.shown_at, events.frame_ahead())?;
         self.schedule.drew(latch, events.now().0.saturating_sub(began.0));
         self.counts.frames += 1;
         self.counts.passed_through += u64::from(outcome.shown.is_passed_through());
