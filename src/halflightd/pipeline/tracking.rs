@@ -10,6 +10,7 @@ use crate::model::{
 pub use crate::track::state::{FollowOptions, TrackState, Update};
 use crate::track::{
     edges::table_of_response,
+    fuse::{FuseOptions, Fuser},
     tag::{Region, TagDetection, TagDetector, TagError, TagOptions, gray_of},
 };
 use std::{
@@ -78,9 +79,11 @@ struct Job {
     fault: Option<TagError>,
 }
 
-/// What is on its way to and from the thread.
+/// What is on its way to and from the thread, and what came of it.
 struct SearchDesk {
     state: TrackState,
+    /// The pose between tags, where there is an inertial sensor.
+    fuser: Fuser,
     jobs: Option<SyncSender<Job>>,
     done: Receiver<Job>,
     /// `None` while the thread has it.
@@ -117,6 +120,14 @@ fn lock(desk: &Mutex<SearchDesk>) -> MutexGuard<'_, SearchDesk> {
 }
 
 impl SearchDesk {
+    /// The pose where a tag was seen; between tags by the inertial sensor, where it gives samples, else by the velocity.
+    fn pose_at(&self, t: Timestamp) -> Option<PoseEstimate> {
+        match self.fuser.sample_counts().taken {
+            0 => self.state.pose_at(t),
+            _ => self.fuser.pose_at(t),
+        }
+    }
+
     fn submit(&mut self, frame: &RawFrame) -> Result<bool, TrackingError> {
         let (width, height) = (frame.pixels.width(), frame.pixels.height());
         let lens = (self.state.rig().lens.width, self.state.rig().lens.height);
@@ -158,7 +169,11 @@ impl SearchDesk {
             (None, Some(frame)) => {
                 let t = frame.t_mid;
                 let update = self.state.update(t, &job.found);
-                let estimate = self.state.pose_at(t);
+                if let Some(measured) = self.state.pose_at(t) {
+                    // Takes what was measured, and nothing else.
+                    self.fuser.tag(&measured);
+                }
+                let estimate = self.pose_at(t);
                 Ok(Some(Tracked { sequence: frame.sequence, t, update, estimate, whole }))
             }
         };
@@ -199,6 +214,7 @@ impl Tracker {
         ready.recv().map_err(|_closed| TrackingError::Stopped)??;
         let desk = SearchDesk {
             state: TrackState::new(rig.clone(), options.follow),
+            fuser: Fuser::new(FuseOptions::default()),
             jobs: Some(jobs),
             done,
             idle: Some(Job::default()),
@@ -216,11 +232,13 @@ impl Tracker {
 
     /// The best that is known of the pose at a moment; `None` before the first tag.
     pub fn pose_at(&self, t: Timestamp) -> Option<PoseEstimate> {
-        lock(&self.desk).state.pose_at(t)
+        lock(&self.desk).pose_at(t)
     }
 
-    /// Takes an inertial sample.
-    pub fn sense(&mut self, _sample: &ImuSample) {}
+    /// Takes an inertial sample: from the first one on, poses between tags are turned by the gyroscope.
+    pub fn sense(&mut self, sample: &ImuSample) {
+        lock(&self.desk).fuser.imu(sample);
+    }
 
     /// Uses the camera's own response from the next picture on: corners are found in linear light.
     pub fn set_response(&mut self, response: &Response) {
@@ -229,7 +247,9 @@ impl Tracker {
 
     /// Forgets all measurements, e.g. when a recording starts again. A picture under way still counts.
     pub fn reset(&mut self) {
-        lock(&self.desk).state.reset();
+        let mut desk = lock(&self.desk);
+        desk.state.reset();
+        desk.fuser.reset();
     }
 
     /// Whether a picture is under way.
@@ -391,6 +411,42 @@ mod tests {
             (0..4).map(|k| tracker.track(&frame(k, k as f64 / 30.0, k == 2)).unwrap()).collect::<Vec<_>>()
         };
         assert_eq!(run(), run());
+    }
+
+    /// How the camera turns, its own axes.
+    fn turning_rad_s(seconds: f64) -> [f64; 3] {
+        const STEP_S: f64 = 1e-3;
+        let [before, after] = [-0.5, 0.5].map(|half| camera(seconds + half * STEP_S).rotation);
+        ((before.inverse() * after).to_scaled_axis() / STEP_S).to_array()
+    }
+
+    /// A camera that turns while its tag is hidden: the gyroscope knows.
+    #[test]
+    fn between_tags_the_gyroscope_turns_the_pose() {
+        let (mut plain, mut sensed) = (start(), start());
+        let seen = |k: u64| frame(k, k as f64 / 30.0, k >= 4);
+        let rate_rad_s = 0.8;
+        for k in 0..8u64 {
+            for step in 0..7 {
+                let t = Timestamp::from_seconds((k as f64 + f64::from(step) / 7.0 - 1.0) / 30.0);
+                // As the camera truly turns, and otherwise while nobody sees.
+                let gyro_rad_s =
+                    if t > seen(3).t_mid { [0.0, rate_rad_s, 0.0] } else { turning_rad_s(t.seconds()) };
+                sensed.sense(&ImuSample { t, gyro_rad_s, accel_m_s2: [0.0; 3] });
+            }
+            let (without, with) = (plain.track(&seen(k)).unwrap(), sensed.track(&seen(k)).unwrap());
+            if k < 4 {
+                assert_eq!(without, with, "where the tag is found nothing changes");
+            }
+        }
+        let turned = |tracker: &Tracker| {
+            let [before, after] = [3, 7].map(|k| tracker.pose_at(seen(k).t_mid));
+            before.zip(after).map(|(b, a)| b.world_from_camera.angle_to(&a.world_from_camera)).unwrap()
+        };
+        let expected = rate_rad_s * 4.0 / 30.0;
+        let [without, with] = [turned(&plain), turned(&sensed)];
+        assert!((with - expected).abs() < 0.02, "{with}, not {expected}");
+        assert!((without - expected).abs() > 0.05, "{without}");
     }
 
     /// What is searched before its turn, in order or not, gives the same poses in the end.
