@@ -188,8 +188,8 @@ mod tests {
         // The sensor starts earlier: what is due is given at once.
         let mut samples = Vec::new();
         imu.samples_until(clock.now(), &mut samples).unwrap();
-        let times: Vec<f64> = samples.iter().map(|s| s.t.seconds()).collect();
-        assert_eq!(times, [99.8, 99.9, 100.0]);
+        let times: Vec<Timestamp> = samples.iter().map(|s| s.t).collect();
+        assert_eq!(times, [99.8, 99.9, 100.0].map(Timestamp::from_seconds));
         assert!(!frames.delivers_at_once() && clock.now() == first.t_mid);
         assert_eq!(frames.next(soon(&clock)).unwrap_err().kind, ErrorKind::Again);
         assert_eq!((frames.frames_left(), clock.now()), (Some(2), Timestamp::from_seconds(100.06)));

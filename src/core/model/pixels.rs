@@ -307,7 +307,7 @@ impl PixelMemory for Rgb8Image {
 }
 
 #[derive(Clone)]
-enum Held {
+enum HeldPixels {
     Image(Arc<Rgb8Image>),
     Lease(Arc<dyn PixelMemory>),
 }
@@ -317,7 +317,7 @@ enum Held {
 #[derive(Clone)]
 pub struct FramePixels {
     layout: PixelLayout,
-    held: Held,
+    held: HeldPixels,
     used: usize,
 }
 
@@ -334,7 +334,7 @@ impl FramePixels {
             let PixelLayout { format, width, height, .. } = layout;
             return Err(PixelError::Length { format, width, height, length: used, least });
         }
-        Ok(Self { layout, held: Held::Lease(memory), used })
+        Ok(Self { layout, held: HeldPixels::Lease(memory), used })
     }
 
     /// Format and shape.
@@ -355,8 +355,8 @@ impl FramePixels {
     /// The bytes that were filled.
     pub fn bytes(&self) -> &[u8] {
         match &self.held {
-            Held::Image(image) => image.bytes(),
-            Held::Lease(memory) => &memory.bytes()[..self.used],
+            HeldPixels::Image(image) => image.bytes(),
+            HeldPixels::Lease(memory) => &memory.bytes()[..self.used],
         }
     }
 
@@ -369,8 +369,8 @@ impl FramePixels {
     /// The picture itself, where it is an 8-bit RGB image of ours.
     pub fn as_image(&self) -> Option<&Arc<Rgb8Image>> {
         match &self.held {
-            Held::Image(image) => Some(image),
-            Held::Lease(_) => None,
+            HeldPixels::Image(image) => Some(image),
+            HeldPixels::Lease(_) => None,
         }
     }
 }
@@ -385,7 +385,7 @@ impl From<Arc<Rgb8Image>> for FramePixels {
     fn from(image: Arc<Rgb8Image>) -> Self {
         let layout = PixelLayout::packed(PixelFormat::Rgb24, image.width(), image.height());
         let used = image.bytes().len();
-        Self { layout, held: Held::Image(image), used }
+        Self { layout, held: HeldPixels::Image(image), used }
     }
 }
 

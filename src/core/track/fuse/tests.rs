@@ -58,7 +58,8 @@ fn a_constant_turn_is_predicted_exactly() {
 
 #[test]
 fn a_turn_about_changing_axes_is_followed() {
-    // Of 200 samples a second; the second-order term counts: without it the error is 2e-4.
+    // 200 samples a second. Reached: 4.7e-5 rad, of which the bend of the rate between samples is the most; without the
+    // second-order term 5.2e-5.
     let mut fuser = Fuser::new(FuseOptions::default());
     fuser.tag(&seen(1.0, swaying(1.0), DVec3::ZERO));
     for k in 0..=220 {
@@ -68,7 +69,6 @@ fn a_turn_about_changing_axes_is_followed() {
     for k in 1..=10 {
         let t = 1.0 + 0.1 * f64::from(k);
         let error = angle(fuser.pose_at(at(t)).unwrap().world_from_camera.rotation, swaying(t));
-        // Rates linear between samples 5 ms apart: w'' dt^3 / 12 a sample, some 10 rad/s^3 x 1e-8, 200 of them.
         assert!(error < 5e-5, "{t}: {error}");
     }
 }
