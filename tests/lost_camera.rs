@@ -14,6 +14,7 @@ use halflight::model::{
     frame::{Exposure, RawFrame},
     image::Rgb8Image,
     picture::Picture,
+    quality::Quality,
     response::Response,
     rig::Rig,
     scene::Scene,
@@ -201,7 +202,9 @@ fn a_camera_that_is_lost_a_thousand_times_never_ends_the_loop() {
             break camera;
         }
     };
-    let options = Options { decimate: 1.0, ..Options::default() };
+    // Merging and light by themselves are not what is tested: one frame a bracket, the light now and then.
+    let quality = Quality { brackets: 1, light_every: 8, ..Quality::default() };
+    let options = Options { quality, decimate: 1.0, ..Options::default() };
     let engine = Box::new(CpuEngine::new(Some(1)).unwrap());
     let watch = Box::new(MonotonicClock::default());
     let mut pipeline =
