@@ -3,7 +3,7 @@
 //! the whole program.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
-#[path = "support/sys.rs"]
+#[path = "support/bytes/sys.rs"]
 mod sys;
 
 use halflight::device::{
