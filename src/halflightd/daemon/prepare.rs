@@ -4,7 +4,7 @@ use super::{dress, engines, governing::governor_of, host::Host, known_room};
 use crate::assets::scene::{self as scene_file, SceneFile};
 use crate::config::settings::{GrayWeights, Settings};
 use crate::device::{DeviceError, FrameSource, ImuSource, clock::MonotonicClock, open};
-use crate::engine::{Engine, EngineError, cpu::CpuEngine};
+use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
 use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
 use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::{Options, Pipeline, PipelineError, engine_in_use::StandIn};
@@ -113,7 +113,13 @@ fn open_engine(
     scene: &Scene,
     room: Option<&Arc<KnownRoom>>,
 ) -> Result<Box<dyn Engine>, EngineError> {
-    let engine = engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
+    let engine = engines::open(
+        settings.engine,
+        settings.backend,
+        settings.threads,
+        &settings.cpu_kernels,
+        Timings::Stamps,
+    )?;
     with_scene(engine, scene, room)
 }
 
