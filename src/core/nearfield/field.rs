@@ -5,7 +5,7 @@ use super::{
     error::RoomError,
     octree::Octree,
     packed::{BLOCK, BlockSums, Transfers, unpack},
-    sent::{Ends, Sent},
+    sent::{Ends, Sent, SentInput},
     sets::budget_threshold,
     shaft::Aabb,
     shafts::ShaftHierarchy,
@@ -120,7 +120,8 @@ impl NearField {
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Self, RoomError> {
         let ends = Ends::of(&patches, how)?;
-        let sent = Sent::find(room, &patches, &ends, how, &|share| progress(SENT_SHARE * share));
+        let input = SentInput { room, patches: &patches, ends: &ends, how };
+        let sent = Sent::find(&input, &|share| progress(SENT_SHARE * share));
         Ok(Self::of(patches, ends, sent, how, progress))
     }
 

@@ -9,6 +9,7 @@ use super::{
     faces::Faces,
     fill::fill_unseen,
     patches::{Subdivision, SurfacePoint, subdivide},
+    sent::what_hides,
     suns::take_suns,
 };
 use crate::{
@@ -16,12 +17,14 @@ use crate::{
     math::sphere,
     model::{
         image::RadianceImage,
+        keep::KeptInput,
         light::{EnvironmentMap, MapLayout, RadianceSamples},
-        room::{Room, RoomPatches, RoomSun},
+        room::{Patch, Room, RoomPatches, RoomSun},
     },
 };
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
 /// Directions that tell whether the probe is in the room.
@@ -58,7 +61,7 @@ pub struct Probe<'a> {
 }
 
 /// What became of the probe's light. Flux is the integral of radiance over solid angle.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProbeReport {
     /// Flux of the whole picture, linear RGB.
     pub flux_rgb: [f64; 3],
@@ -80,11 +83,8 @@ pub struct ProbeReport {
     pub damaged_texels: u32,
 }
 
-/// Another number: other results from the same input. Part of the key under which they are kept.
-pub const VERSION: u32 = 1;
-
 /// Patches with the probe's radiance, suns, and what became of the light.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mapped {
     /// Divided more finely where radiance changes.
     pub patches: RoomPatches,
@@ -92,6 +92,49 @@ pub struct Mapped {
     pub suns: Vec<RoomSun>,
     /// What became of the light.
     pub report: ProbeReport,
+}
+
+/// What [`map_probe`] is given.
+#[derive(Clone, Copy, Debug)]
+pub struct MappedInput<'a> {
+    /// The room.
+    pub room: &'a Room,
+    /// How it is divided.
+    pub subdivision: &'a Subdivision,
+    /// The probe.
+    pub probe: &'a Probe<'a>,
+}
+
+impl KeptInput for MappedInput<'_> {
+    const KIND: &'static str = "room";
+    const VERSION: u32 = 1;
+    type Output = Mapped;
+
+    fn hashed(&self) -> impl Serialize {
+        let Probe { map, world_from_map, position_world, factor_sun } = self.probe;
+        let light = self.room.surfaces.iter().map(|s| (s.reflectance_rgb, s.emitted_rgb));
+        let layout = match map.layout {
+            MapLayout::Equirect => 0u8,
+            MapLayout::Angular => 1,
+            MapLayout::Cube => 2,
+        };
+        let picture = (layout, map.radiance.width(), map.radiance.height(), map.radiance.pixels());
+        let how = self.subdivision;
+        (
+            (what_hides(self.room), light.collect::<Vec<_>>(), how.patches, how.refined, how.edges),
+            (picture, world_from_map.to_cols_array(), position_world.to_array(), *factor_sun),
+        )
+    }
+
+    fn accepts(&self, mapped: &Mapped) -> bool {
+        let RoomPatches { vertices, patches, .. } = &mapped.patches;
+        let surfaces = self.room.surfaces.len();
+        let patch_fits = |p: &Patch| {
+            (p.surface as usize) < surfaces && p.corners.iter().all(|&i| (i as usize) < vertices.len())
+        };
+        let within = |i: &u32| (*i as usize) < surfaces;
+        patches.iter().all(patch_fits) && mapped.suns.iter().all(|sun| sun.apertures.iter().all(within))
+    }
 }
 
 /// Divides a room and maps a probe onto it. `progress` is told the share done, 0 to 1.
