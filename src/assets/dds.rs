@@ -232,7 +232,7 @@ mod tests {
         put(84, code);
         if dx10 {
             let format = if channel == TexelFloat::Half { 10 } else { 2 };
-            for value in [format, 3, 4, 1, 0] {
+            for value in [format, 3u32, 4, 1, 0] {
                 bytes.extend_from_slice(&value.to_le_bytes());
             }
         }

@@ -85,11 +85,6 @@ fn assert_same(a: &KnownRoom, b: &KnownRoom) {
     assert!(a.source_tree == b.source_tree && a.octree == b.octree && a.receivers == b.receivers);
 }
 
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let of = |kind: &&str| std::fs::read_dir(folder.join(kind)).unwrap().map(|e| e.unwrap().path());
-    KINDS.iter().flat_map(of).collect()
-}
-
 /// A probe in that room, of nothing but a strong small light above it: a sun through the open side.
 fn picture() -> EnvironmentMap {
     let mut radiance = Image::filled(64, 32, [1.0f32, 2.0, 3.0]);

@@ -275,7 +275,7 @@ fn mean_of(picture: &RadianceImage, corners: &[Vec3; 4], probe: Vec3) -> [f32; 3
 
 /// What met a patch.
 #[derive(Clone, Copy, Debug, Default)]
-struct Met {
+struct MetPatch {
     flux_rgb: [f64; 3],
     solid_angle_sr: f64,
     rays: u32,
@@ -283,7 +283,7 @@ struct Met {
 
 #[derive(Default)]
 struct Shower {
-    met: Vec<Met>,
+    met: Vec<MetPatch>,
     backs_sr: f64,
     nothing_sr: f64,
 }
@@ -298,7 +298,7 @@ fn shower(samples: &RadianceSamples, patches: &Faces, at: Vec3, count: usize) ->
         .par_chunks(per_lot)
         .zip(samples.radiance.par_chunks(per_lot))
         .map(|(directions, radiance)| {
-            let mut lot = Shower { met: vec![Met::default(); count], ..Shower::default() };
+            let mut lot = Shower { met: vec![MetPatch::default(); count], ..Shower::default() };
             for (d, c) in directions.iter().zip(radiance) {
                 let middle = Vec3::new(d[0], d[1], d[2]);
                 let (across, along) = middle.any_orthonormal_pair();
@@ -322,7 +322,7 @@ fn shower(samples: &RadianceSamples, patches: &Faces, at: Vec3, count: usize) ->
         })
         .collect();
     // In the order of the lots.
-    let mut sum = Shower { met: vec![Met::default(); count], ..Shower::default() };
+    let mut sum = Shower { met: vec![MetPatch::default(); count], ..Shower::default() };
     for lot in lots {
         for (sum, met) in sum.met.iter_mut().zip(lot.met) {
             (0..3).for_each(|c| sum.flux_rgb[c] += met.flux_rgb[c]);
