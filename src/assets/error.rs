@@ -9,7 +9,7 @@ use std::{
 /// A place in a text file, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextPosition {
-    /// The line.
+    /// Lines before it, and one.
     pub line: u32,
     /// The character in it.
     pub column: u32,

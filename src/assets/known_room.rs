@@ -42,7 +42,7 @@ impl Default for Readers {
 
 /// A room made ready, and what is wrong with its file.
 pub struct ReadyRoom {
-    /// The room.
+    /// Patches, transfers, hierarchies, light.
     pub known: KnownRoom,
     /// What was looked at in its geometry.
     pub soundness: Soundness,

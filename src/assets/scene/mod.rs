@@ -97,7 +97,7 @@ const BALL_SUBDIVISIONS: u32 = 4;
 /// A camera for stills.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneCamera {
-    /// Its lens.
+    /// From the calibration's file or from numbers.
     pub lens: Lens,
     /// Where it stands.
     pub world_from_camera: Pose,
@@ -146,19 +146,19 @@ pub enum LightSource {
 /// A scene file, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
-    /// The file.
+    /// Where it was read; relative paths start from its folder.
     pub file: PathBuf,
     /// Virtual objects and real surfaces.
     pub scene: Scene,
     /// The camera for stills.
     pub camera: Option<SceneCamera>,
-    /// The light.
+    /// What `[light]` says.
     pub light: LightSource,
-    /// The known room.
+    /// What `[room]` says; not loaded yet.
     pub room: Option<RoomSource>,
-    /// Known tags.
+    /// Tags whose places are known.
     pub tags: Vec<TagPlacement>,
-    /// The mirror ball.
+    /// The mirror ball's place and size.
     pub ball: Option<MirrorBall>,
     /// Whether the ball stands on the surface.
     pub ball_on_surface: bool,

@@ -27,7 +27,7 @@ impl<'a> Mistakes<'a> {
         Self { file, text, list: RefCell::default() }
     }
 
-    /// Adds one.
+    /// Adds a mistake that was found elsewhere, such as in a file that is named.
     pub fn add(&self, mistake: AssetError) {
         self.list.borrow_mut().push(mistake);
     }
@@ -130,7 +130,7 @@ impl<'a> Section<'a> {
         })
     }
 
-    /// A text.
+    /// A key's text; a mistake where it is something else.
     pub fn text(&self, key: &'static str) -> Option<&'a str> {
         let found = self.value(key)?.get_ref().as_str();
         if found.is_none() {
@@ -170,7 +170,7 @@ impl<'a> Section<'a> {
         list.iter().enumerate().filter_map(of).collect()
     }
 
-    /// One sub-table.
+    /// A key's table; a mistake where it is something else.
     pub fn table(&self, key: &'static str) -> Option<Section<'a>> {
         let found = self.section(key, self.value(key)?);
         if found.is_none() {

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// The surface and its weights.
 pub struct Body {
-    /// z up, metres.
+    /// Positions, normals and colours; z up, metres.
     pub mesh: Mesh,
     /// For each vertex, indices of bones.
     pub joints: Vec<[u16; 4]>,
@@ -39,7 +39,7 @@ struct Tube<'a> {
     floor: f64,
 }
 
-/// The whole body.
+/// Tubes for trunk, limbs and head, joined.
 pub fn body() -> Body {
     let mut body = Body { mesh: Mesh::default(), joints: Vec::new(), weights: Vec::new() };
     let no_floor = f64::NEG_INFINITY;

@@ -8,6 +8,7 @@ pub mod estimate;
 pub mod frame;
 pub mod image;
 pub mod imu;
+pub mod jpeg;
 pub mod keep;
 pub mod light;
 pub mod picture;

@@ -128,7 +128,7 @@ pub struct VolumeInput<'a> {
     pub room: &'a Room,
     /// Its patches, and the light that arrives at their corners.
     pub field: &'a NearField,
-    /// What is spent.
+    /// Spacing of the grid and order of its light.
     pub how: &'a VolumeSettings,
 }
 

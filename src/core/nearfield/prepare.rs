@@ -64,7 +64,7 @@ pub enum RoomLight<'a> {
 pub struct CameraPicture<'a> {
     /// Radiance, of the lens's size.
     pub radiance: &'a RadianceImage,
-    /// The camera's lens.
+    /// Lens of the camera that took it.
     pub lens: Lens,
     /// Where it was taken from.
     pub world_from_camera: Pose,
@@ -72,7 +72,7 @@ pub struct CameraPicture<'a> {
 
 /// A room made ready for shadows.
 pub struct KnownRoom {
-    /// As given.
+    /// The room as it was given.
     pub room: Room,
     /// Patches, sources, transfers and shafts.
     pub field: NearField,
@@ -85,7 +85,7 @@ pub struct KnownRoom {
     pub sun_rgb: Vec<[f32; 3]>,
     /// For each patch whether its reflectance was measured by the camera; else it is its surface's.
     pub reflectance_measured: Vec<bool>,
-    /// What was done.
+    /// Its area, patches, and what became of measured light.
     pub report: RoomReport,
 }
 
@@ -103,7 +103,7 @@ impl std::fmt::Debug for KnownRoom {
 pub struct RoomReport {
     /// Area of all faces, square metres.
     pub area_m2: f32,
-    /// Patches asked for.
+    /// Patches that the settings ask for.
     pub patches_wanted: usize,
     /// What became of the probe's light; `None` where light is given.
     pub probe: Option<ProbeReport>,

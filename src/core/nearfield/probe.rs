@@ -47,10 +47,10 @@ const LOOKUP_ROWS: usize = 180;
 /// Rays are dealt out in so many lots, whatever the threads.
 const LOTS: usize = 64;
 
-/// A probe.
+/// An HDR picture of the whole sphere, and where it was taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Probe<'a> {
-    /// The picture.
+    /// Radiance of all directions.
     pub map: &'a EnvironmentMap,
     /// Turns the map's axes (`light::maps`) into the world's.
     pub world_from_map: DMat3,
@@ -97,11 +97,11 @@ pub struct Mapped {
 /// What [`map_probe`] is given.
 #[derive(Clone, Copy, Debug)]
 pub struct MappedInput<'a> {
-    /// The room.
+    /// The room that the probe was taken in.
     pub room: &'a Room,
     /// How it is divided.
     pub subdivision: &'a Subdivision,
-    /// The probe.
+    /// What is mapped onto its patches.
     pub probe: &'a Probe<'a>,
 }
 

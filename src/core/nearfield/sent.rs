@@ -41,7 +41,7 @@ pub struct Source {
     pub normal_world: Vec3,
     /// Its radiance, linear RGB.
     pub radiance_rgb: [f32; 3],
-    /// Its luminance.
+    /// Luminance of `radiance_rgb`.
     pub luminance: f32,
 }
 
@@ -118,11 +118,11 @@ pub struct Sent {
 pub struct SentInput<'a> {
     /// The room, whose faces hide one another.
     pub room: &'a Room,
-    /// Its patches.
+    /// What the room was divided into, with its light.
     pub patches: &'a RoomPatches,
     /// Sources and receivers of these patches, which follow from them and from `how`.
     pub ends: &'a Ends,
-    /// What is spent.
+    /// Share of the power and number of rays.
     pub how: &'a Preparation,
 }
 

@@ -25,7 +25,7 @@ pub struct Soundness {
     pub without_area: usize,
     /// Edges that belong to one face only. Edges that meet another's middle count, and so does the rim of a lone lamp.
     pub open_edges: usize,
-    /// Their length, metres.
+    /// Length of the open edges together, metres.
     pub open_m: f32,
     /// Share of the area whose front sees nothing of the room while its back does: 1 for a room whose faces are turned over,
     /// and for a box seen from outside.

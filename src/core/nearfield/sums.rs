@@ -19,7 +19,7 @@ pub struct NodeSums {
     sources: usize,
     /// Area of each node's receivers, square metres.
     areas_m2: Vec<f32>,
-    /// Node by node.
+    /// Node by node, one for each source.
     #[serde(with = "as_bytes")]
     means: Vec<u16>,
 }
