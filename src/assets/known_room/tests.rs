@@ -176,9 +176,9 @@ impl Hashes {
         let Self { room, subdivision, patches, how, volume, .. } = self;
         let ends = Ends::of(&Self::new().patches, &Preparation::default()).unwrap();
         let input = SentInput { room, patches, ends: &ends, how };
-        let field =
+        let mut field =
             NearField::build(&Self::new().room, Self::new().patches, &Self::new().how, &|_| ()).unwrap();
-        let field = NearField { patches: patches.clone(), ..field };
+        field.patches = patches.clone();
         [
             kept::name(&MappedInput { room, subdivision, probe: &probe(&self.map) }),
             kept::name(&input),
