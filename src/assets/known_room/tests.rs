@@ -117,7 +117,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn what_is_kept_is_the_same_to_the_last_bit() {
-    let (folder, map) = (folder("kept-room"), picture());
+    let (folder, map) = (folder("known-room-again"), picture());
     for (light, count) in [(RoomLight::Given, 2), (RoomLight::Probe(probe(&map)), 3)] {
         let fresh = prepare(room(), &settings(), light, None, &|_| ()).unwrap();
         assert!(fresh.volume.places().1 > 0);
@@ -136,7 +136,7 @@ fn what_is_kept_is_the_same_to_the_last_bit() {
 /// The three results are each made anew where their file is damaged, and the others are not.
 #[test]
 fn damage_of_one_file_costs_one_result() {
-    let (folder, map) = (folder("kept-damage"), picture());
+    let (folder, map) = (folder("known-room-damage"), picture());
     let light = RoomLight::Probe(probe(&map));
     let (wanted, _) = run(&room(), light, &folder);
     for file in files(&folder) {
