@@ -12,6 +12,7 @@ pub mod jpeg;
 pub mod keep;
 pub mod light;
 pub mod picture;
+pub mod pixels;
 pub mod quality;
 pub mod response;
 pub mod rig;
