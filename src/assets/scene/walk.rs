@@ -1,7 +1,7 @@
 //! Walks a TOML document key by key and gathers every mistake on the way, each with its place in the file.
 
 use crate::error::{AssetError, TextPosition};
-use crate::math::edit_distance::nearest;
+use crate::near_word::nearest;
 use glam::DVec3;
 use std::cell::RefCell;
 use std::ops::Range;

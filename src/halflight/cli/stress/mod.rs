@@ -8,7 +8,7 @@ use crate::engine::{
     cpu::CpuEngine,
     gpu::{Backend, GpuEngine},
 };
-use crate::stress::{Bound, Case, GROUPS, Where};
+use crate::stress::{CaseBound, GROUPS, HardCase, Where};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -43,7 +43,7 @@ struct Column {
 /// One case's row.
 struct Row {
     group: &'static str,
-    case: &'static Case,
+    case: &'static HardCase,
     textbook: f64,
     /// One for each column.
     ours: Vec<Result<f64, String>>,
@@ -81,7 +81,7 @@ impl Report {
 /// Runs `halflight stress`.
 pub fn run(arguments: Arguments, common: &Common) -> Result<ExitCode, CliError> {
     let mut engines = engines(arguments.all, common)?;
-    let wanted = |group: &str, case: &Case| {
+    let wanted = |group: &str, case: &HardCase| {
         arguments.only.as_ref().is_none_or(|text| group.contains(text) || case.name.contains(text))
     };
     let mut rows = Vec::new();
@@ -135,7 +135,7 @@ fn engines(all: bool, common: &Common) -> Result<Vec<Named>, CliError> {
     Ok(engines)
 }
 
-fn row(group: &'static str, case: &'static Case, engines: &mut [Named]) -> Row {
+fn row(group: &'static str, case: &'static HardCase, engines: &mut [Named]) -> Row {
     let mut textbook = f64::NAN;
     let mut ours: Vec<Result<f64, String>> = Vec::new();
     for (_, engine) in engines {
@@ -154,7 +154,7 @@ fn row(group: &'static str, case: &'static Case, engines: &mut [Named]) -> Row {
 }
 
 /// What ran, in words.
-fn place(case: &Case) -> &'static str {
+fn place(case: &HardCase) -> &'static str {
     match case.runs {
         Where::Kernel(pass) => pass.name(),
         Where::Processor => "no shader",
@@ -179,8 +179,8 @@ fn short(number: f64) -> String {
     }
 }
 
-fn bound(bound: &Bound) -> String {
-    let Bound { least, most } = *bound;
+fn bound(bound: &CaseBound) -> String {
+    let CaseBound { least, most } = *bound;
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     if least == most {
         format!("= {}", short(least))
@@ -252,10 +252,10 @@ mod tests {
         ] {
             assert_eq!(short(number), text);
         }
-        assert_eq!(bound(&Bound::exactly(0.0)), "= 0");
-        assert_eq!(bound(&Bound::SHARE), "0 to 1");
-        assert_eq!(bound(&Bound::about(1.0, 1e-6)), "1 ± 1.0e-6");
-        assert_eq!(bound(&Bound::new(0.0, f64::from(f32::MAX))), "from 0 on, finite");
+        assert_eq!(bound(&CaseBound::exactly(0.0)), "= 0");
+        assert_eq!(bound(&CaseBound::SHARE), "0 to 1");
+        assert_eq!(bound(&CaseBound::about(1.0, 1e-6)), "1 ± 1.0e-6");
+        assert_eq!(bound(&CaseBound::new(0.0, f64::from(f32::MAX))), "from 0 on, finite");
     }
 
     #[test]

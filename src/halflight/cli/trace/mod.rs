@@ -11,7 +11,7 @@ use crate::model::{
     image::{Image, RadianceImage, Rgb8Image},
     quality::Quality,
 };
-use crate::reference::{Noise, SHADOW_BELOW, TraceError, TraceScene, TraceSettings, Traced, Tracer};
+use crate::reference::{SHADOW_BELOW, TraceError, TraceNoise, TraceScene, TraceSettings, Traced, Tracer};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
     path::{Path, PathBuf},
@@ -292,7 +292,8 @@ fn pleasant_exposure(picture: &RadianceImage) -> f32 {
 }
 
 fn noise_json(traced: &Traced, speed: &Speed) -> serde_json::Value {
-    let Noise { with_relative, without_relative, shadow_pixels, shadow_relative, dropped } = traced.noise;
+    let TraceNoise { with_relative, without_relative, shadow_pixels, shadow_relative, dropped } =
+        traced.noise;
     serde_json::json!({
         "samples_a_pixel": traced.samples, "with_relative": with_relative, "without_relative": without_relative,
         "shadow_pixels": shadow_pixels, "shadow_relative": shadow_relative, "dropped_samples": dropped,
