@@ -5,7 +5,7 @@ use crate::config::{
     settings::{BackendKind, EngineKind},
 };
 use crate::daemon::engines;
-use crate::engine::Engine;
+use crate::engine::{Engine, Timings};
 use sha2::{Digest, Sha256};
 
 /// Options of every verb.
@@ -114,7 +114,13 @@ impl Common {
     pub fn open_engine(&self) -> Result<Box<dyn Engine>, CliError> {
         let mut settings = Settings::default();
         self.apply(&mut settings);
-        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)
-            .map_err(|e| CliError(e.to_string()))
+        engines::open(
+            settings.engine,
+            settings.backend,
+            settings.threads,
+            &settings.cpu_kernels,
+            Timings::Fenced,
+        )
+        .map_err(|e| CliError(e.to_string()))
     }
 }

@@ -16,6 +16,7 @@ use crate::device::{
     clock::{ManualClock, MonotonicClock},
     open,
 };
+use crate::engine::Timings;
 use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
 use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::{
@@ -47,8 +48,13 @@ pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, Pipelin
     let cycle = source.set_exposures(&wanted)?;
     let response = response_of(settings, source.as_ref())?;
     let (scene, rig, room) = scene_and_rig(settings, source.as_ref(), host)?;
-    let mut engine =
-        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
+    let mut engine = engines::open(
+        settings.engine,
+        settings.backend,
+        settings.threads,
+        &settings.cpu_kernels,
+        Timings::Stamps,
+    )?;
     engine.load_room(room.clone())?;
     engine.load_scene(&scene)?;
     let description = engine.description();

@@ -203,6 +203,7 @@ impl Still {
         repeat: usize,
     ) -> Result<Drawn, CliError> {
         let failed = |e: crate::engine::EngineError| CliError(e.to_string());
+        engine.ask_for_linear(true);
         engine.load_room(self.room.clone()).map_err(failed)?;
         engine.load_scene(&self.scene).map_err(failed)?;
         let mut plan = FramePlan::default();
