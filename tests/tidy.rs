@@ -12,7 +12,7 @@ const LONGEST: usize = 500;
 
 /// Folders within one crate and their layers: a file uses only layers below its own. Between crates Cargo holds the
 /// arrows.
-const LAYERS: [(&str, u8); 13] = [
+const LAYERS: [(&str, u8); 14] = [
     ("model", 1),
     ("hdr", 2),
     ("track", 2),
@@ -23,9 +23,10 @@ const LAYERS: [(&str, u8); 13] = [
     ("compose", 2),
     ("plan", 2),
     ("animate", 2),
-    ("pipeline", 4),
-    ("config", 5),
-    ("daemon", 6),
+    ("present", 4),
+    ("pipeline", 5),
+    ("config", 6),
+    ("daemon", 7),
 ];
 
 /// Crates whose folders have layers.

@@ -5,7 +5,7 @@ use halflight::{
     animate::posed::Posed,
     assets::shapes,
     config::Settings,
-    daemon::{host::Host, run::prepare},
+    daemon::{host::Host, prepare::prepare},
     engine::{
         Engine, RelightInput, Timings,
         cpu::CpuEngine,

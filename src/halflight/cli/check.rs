@@ -23,10 +23,9 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         print!("{}", manual::manual());
     }
     let Some(path) = arguments.config else { return Ok(()) };
-    let table = file::read(&path).map_err(CliError)?;
-    let typed = file::flatten(&table).len();
-    resolve(&path.display().to_string(), &table, &Settings::default())
-        .map_err(|e| CliError(e.to_string()))?;
+    let read = file::read(&path).map_err(CliError)?;
+    let typed = read.keys.len();
+    resolve(&path.display().to_string(), &read, &Settings::default()).map_err(|e| CliError(e.to_string()))?;
     if common.json {
         println!(
             "{}",

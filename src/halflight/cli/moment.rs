@@ -7,8 +7,8 @@ use super::{
 };
 use crate::cli::progress::host;
 use crate::config::settings::{RunMode, Settings};
-use crate::daemon::{blocker_spheres, run::prepare, vertex_transfer};
-use crate::device::{Truth, clock::ManualClock};
+use crate::daemon::{dress::dressed_anew, prepare::prepare};
+use crate::device::clock::ManualClock;
 use crate::light::{
     halve::{HalveOptions, halve_still, halve_still_with_rest},
     prefilter::Prefilter,
@@ -16,19 +16,19 @@ use crate::light::{
 };
 use crate::model::{
     environment::EnvironmentPicture,
-    frame::RawFrame,
     light::{Lights, RadianceSh},
-    picture::{Picture, PictureView},
+    picture::PictureView,
     quality::Quality,
     time::Timestamp,
 };
 use crate::nearfield::{faces::Faces, objects};
 use crate::pipeline::{
     PipelineError,
-    event::{FrameSink, run as run_events},
-    feed::Lockstep,
     frame::{FrameOutcome, Stage},
+    lockstep::Lockstep,
+    turns::{FinishedFrame, FrameSink, run as run_turns},
 };
+use std::sync::Arc;
 
 /// One frame of a recording.
 pub struct Moment {
@@ -51,13 +51,8 @@ struct Newest {
 }
 
 impl FrameSink for Newest {
-    fn accept(
-        &mut self,
-        _: &RawFrame,
-        _: Option<&Truth>,
-        outcome: &FrameOutcome,
-        _: &Picture,
-    ) -> Result<bool, PipelineError> {
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        let outcome = finished.outcome;
         self.times.push(outcome.stage_ms);
         if !outcome.shown.is_passed_through() {
             // Time in the scene begins with the first picture that has it.
@@ -74,9 +69,9 @@ impl Moment {
         let settings = Settings { mode: RunMode::Lockstep, ..settings.clone() };
         let failed = |e: PipelineError| CliError(e.to_string());
         let mut prepared = prepare(&settings, &host()).map_err(failed)?;
-        let (mut clock, mut newest) = (ManualClock::default(), Newest::default());
-        let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
-        run_events(&mut feed, &mut prepared.pipeline, &mut newest, frame).map_err(failed)?;
+        let mut newest = Newest::default();
+        let mut events = Lockstep::new(Arc::default(), prepared.source, prepared.imu, ManualClock::default());
+        run_turns(&mut events, &mut prepared.pipeline, &mut newest, frame).map_err(failed)?;
         let from = prepared.pipeline.drawn_from();
         let pose = newest.outcome.as_ref().and_then(|o| o.pose);
         let light = newest.outcome.as_ref().and_then(|o| o.light);
@@ -150,12 +145,7 @@ impl Moment {
     /// The still with other settings of accuracy: its bodies carry what those ask for, its light is halved anew.
     pub fn still(&self, quality: &Quality) -> Still {
         let mut still = self.still.clone();
-        for figure in &mut still.scene.figures {
-            figure.spheres.clear();
-        }
-        still.scene.transfer = None;
-        blocker_spheres::fit(&mut still.scene, quality.spheres, host().progress);
-        vertex_transfer::bake(&mut still.scene, quality, host().progress);
+        still.scene = dressed_anew(&still.scene, quality, host().progress);
         still.light = self.halved(quality);
         still.environment = still.room.is_none().then(|| self.environment(quality));
         still

@@ -180,6 +180,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quad_sigma_px = number(v)
     ),
     key!(
+        "track.search_ahead",
+        "",
+        Range::Switch,
+        "Tags are looked for in the next frame while the one before it is drawn; pictures are the same.",
+        |s| Value::Boolean(s.search_ahead),
+        |s, v| s.search_ahead = v.as_bool().unwrap_or(true)
+    ),
+    key!(
         "light.order",
         "",
         Range::Integer(2, 6),

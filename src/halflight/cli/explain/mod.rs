@@ -4,10 +4,12 @@ use super::{CliError, Common, quality_flags::QualityFlags, render};
 use crate::assets::{case, scene};
 use crate::cli::progress::host;
 use crate::config::{Settings, settings::RunMode};
-use crate::daemon::run::{prepare, run as run_prepared};
-use crate::device::Truth;
-use crate::model::{frame::RawFrame, picture::Picture};
-use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome, frame::Shown};
+use crate::daemon::{prepare::prepare, run::run as run_prepared};
+use crate::pipeline::{
+    PipelineError,
+    frame::Shown,
+    turns::{FinishedFrame, FrameSink},
+};
 use crate::plan::{Decision, FramePlan};
 use std::path::PathBuf;
 
@@ -98,7 +100,7 @@ fn of_recording(arguments: &Arguments, mut settings: Settings) -> Result<Explain
     }
     let prepared = prepare(&settings, &host()).map_err(|e| CliError(e.to_string()))?;
     let mut last = Last::default();
-    let ran = run_prepared(prepared, &settings, None, &mut last).map_err(|e| CliError(e.to_string()))?;
+    let ran = run_prepared(prepared, &settings, &mut last).map_err(|e| CliError(e.to_string()))?;
     let Some(shown) = last.shown else { return Err(CliError::on(&name, "holds no frames")) };
     if let Some(wanted) = arguments.frame.filter(|&wanted| wanted >= ran.counts.frames) {
         return Err(CliError(format!(
@@ -117,14 +119,8 @@ struct Last {
 }
 
 impl FrameSink for Last {
-    fn accept(
-        &mut self,
-        _raw: &RawFrame,
-        _truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        _picture: &Picture,
-    ) -> Result<bool, PipelineError> {
-        self.shown = Some(outcome.shown);
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        self.shown = Some(finished.outcome.shown);
         Ok(true)
     }
 }

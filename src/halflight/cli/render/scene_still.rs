@@ -30,7 +30,7 @@ use crate::model::{
     rig::MirrorBall,
 };
 use crate::nearfield::{faces::Faces, objects};
-use crate::pipeline::gray_place::GrayPlace;
+use crate::present::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 

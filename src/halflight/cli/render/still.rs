@@ -21,8 +21,8 @@ use crate::model::{
     time::Timestamp,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::pipeline::views::{Subject, Views};
 use crate::plan::{FramePlan, PassTiming};
+use crate::present::views::{Subject, Views};
 use std::sync::Arc;
 
 /// How a still's light is halved.

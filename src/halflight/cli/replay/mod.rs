@@ -12,10 +12,13 @@ use crate::config::{
     keys::KEYS,
     settings::{RunMode, Settings},
 };
-use crate::daemon::run::{prepare, run as run_prepared};
-use crate::device::Truth;
-use crate::model::{frame::RawFrame, picture::Picture};
-use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
+use crate::daemon::{prepare::prepare, run::run as run_prepared};
+use crate::model::picture::Picture;
+use crate::pipeline::{
+    PipelineError,
+    turns::{FinishedFrame, FrameSink},
+};
+use crate::plan::PassTiming;
 use film::Film;
 use indicatif::{ProgressBar, ProgressStyle};
 use report::Report;
@@ -82,7 +85,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
     let mut sink = Collector::new(&arguments, total);
     let engine = prepared.engine.clone();
-    let ran = run_prepared(prepared, &settings, None, &mut sink).map_err(|e| CliError(e.to_string()))?;
+    let ran = run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
     sink.progress.finish_and_clear();
     if ran.counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));
@@ -94,7 +97,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         counts: ran.counts,
         frames: sink.numbers,
         light: sink.light,
-        passes: ran.passes,
+        passes: sink.passes,
         last_plan: ran.last_plan,
         digest: sink.digest.hex(),
     };
@@ -170,6 +173,7 @@ struct Collector {
     sheet: Sheet,
     digest: PixelDigest,
     numbers: Vec<FrameNumbers>,
+    passes: Vec<PassTiming>,
     light: Option<crate::model::estimate::LightEstimate>,
     progress: ProgressBar,
 }
@@ -193,6 +197,7 @@ impl Collector {
             sheet: Sheet::default(),
             digest: PixelDigest::default(),
             numbers: Vec::new(),
+            passes: Vec::new(),
             light: None,
             progress,
         }
@@ -227,13 +232,9 @@ impl Collector {
 }
 
 impl FrameSink for Collector {
-    fn accept(
-        &mut self,
-        raw: &RawFrame,
-        truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        picture: &Picture,
-    ) -> Result<bool, PipelineError> {
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        let FinishedFrame { raw, truth, outcome, passes, picture } = *finished;
+        self.passes.extend_from_slice(passes);
         self.digest.add_bytes(picture.display.pixels());
         self.numbers.push(FrameNumbers::of(outcome, truth));
         if outcome.light.is_some() {

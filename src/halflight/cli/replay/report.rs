@@ -2,7 +2,7 @@
 
 use super::statistics::{FrameNumbers, Spread, WARM_UP_FRAMES, after_warm_up, stage};
 use crate::model::estimate::LightEstimate;
-use crate::pipeline::{event::RunCounts, frame::Stage};
+use crate::pipeline::{frame::Stage, turns::RunCounts};
 use crate::plan::{FramePlan, PassTiming, PlannedPass};
 use serde_json::{Value, json};
 use std::fmt::Write;
