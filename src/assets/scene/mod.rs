@@ -80,7 +80,7 @@ mod walk;
 
 pub use room::{RoomLightSource, RoomSource};
 
-use super::error::{AssetError, read_text};
+use super::error::{AssetError, TextPosition, read_text};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     rig::{MirrorBall, Rig, TagPlacement},
@@ -88,6 +88,7 @@ use crate::model::{
 };
 use glam::Affine3A;
 use std::path::{Path, PathBuf};
+use toml::de::DeTable;
 use walk::{Mistakes, Section, number};
 
 /// Triangles by which the ball hides what lies behind it: 20 * 4^4.
@@ -96,7 +97,7 @@ const BALL_SUBDIVISIONS: u32 = 4;
 /// A camera for stills.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneCamera {
-    /// Its lens.
+    /// From the calibration's file or from numbers.
     pub lens: Lens,
     /// Where it stands.
     pub world_from_camera: Pose,
@@ -145,19 +146,19 @@ pub enum LightSource {
 /// A scene file, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
-    /// The file.
+    /// Where it was read; relative paths start from its folder.
     pub file: PathBuf,
     /// Virtual objects and real surfaces.
     pub scene: Scene,
     /// The camera for stills.
     pub camera: Option<SceneCamera>,
-    /// The light.
+    /// What `[light]` says.
     pub light: LightSource,
-    /// The known room.
+    /// What `[room]` says; not loaded yet.
     pub room: Option<RoomSource>,
-    /// Known tags.
+    /// Tags whose places are known.
     pub tags: Vec<TagPlacement>,
-    /// The mirror ball.
+    /// The mirror ball's place and size.
     pub ball: Option<MirrorBall>,
     /// Whether the ball stands on the surface.
     pub ball_on_surface: bool,
@@ -204,7 +205,7 @@ impl SceneFile {
 /// Reads and checks a scene file with all that it names.
 ///
 /// # Errors
-/// All mistakes of the file at once, each with key, value and what is allowed; or a file it names that cannot be read.
+/// All mistakes of the file at once, each with its line and column, key, value and what is allowed; or a file it names that cannot be read.
 pub fn load(file: &Path) -> Result<SceneFile, AssetError> {
     parse(file, &read_text(file)?)
 }
@@ -214,11 +215,13 @@ pub fn load(file: &Path) -> Result<SceneFile, AssetError> {
 /// # Errors
 /// As `load`.
 pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
-    let table = text
-        .parse::<toml::Table>()
-        .map_err(|e| AssetError::new(file, "is not valid TOML").cause(e.to_string().trim_end().to_owned()))?;
-    let mistakes = Mistakes::new(file);
-    let root = Section::new("", &table, &mistakes);
+    let document = DeTable::parse(text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start);
+        let mistake = AssetError::new(file, "is not valid TOML").at(TextPosition::of(text, at));
+        mistake.cause(error.message().to_owned())
+    })?;
+    let mistakes = Mistakes::new(file, text);
+    let root = Section::new("", document.get_ref(), 0, &mistakes);
     let folder = file.parent().unwrap_or(Path::new(""));
     let camera = root.table("camera").and_then(|s| rig::camera(&s, folder, &mistakes));
     let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
