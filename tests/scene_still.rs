@@ -141,7 +141,8 @@ fn undersides(folder: &Path, light: &str) -> f64 {
 fn light_from_below_the_horizon_is_what_the_file_says() {
     let folder = Folder::new("below");
     // A uniform sky, stated and as a picture: below is everywhere as bright as above.
-    exr::prelude::write_rgb_file(folder.0.join("sky.exr"), COLUMNS, ROWS, |_, _| (1.0f32, 1.0f32, 1.0f32)).unwrap();
+    exr::prelude::write_rgb_file(folder.0.join("sky.exr"), COLUMNS, ROWS, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
     for light in ["constant = [1.0, 1.0, 1.0]", "file = \"sky.exr\""] {
         let of = |below: &str| undersides(&folder.0, &format!("[light]\n{light}\n{below}\n"));
         let (given, dark) = (of(""), of("below = \"dark\""));

@@ -1,8 +1,6 @@
 //! What can go wrong in the laboratory.
 
-use crate::{
-    assets::error::AssetError, engine::EngineError, pipeline::PipelineError, reference::TraceError,
-};
+use crate::{assets::error::AssetError, engine::EngineError, pipeline::PipelineError, reference::TraceError};
 
 /// Why something could not be drawn, traced or measured; each says on what, and what is allowed.
 #[derive(Debug, thiserror::Error)]

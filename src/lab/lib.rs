@@ -3,9 +3,7 @@
 //! (`stress`, `stress_report`), experiments of the papers (`papers`), `figures`, OpenEXR (`open_exr`).
 
 use halflight_assets as assets;
-use halflight_core::{
-    animate, compose, hdr, light, model, nearfield, plan, sources, track, visibility,
-};
+use halflight_core::{animate, compose, hdr, light, model, nearfield, plan, sources, track, visibility};
 use halflight_device as device;
 use halflight_engine as engine;
 use halflight_math as math;

@@ -138,9 +138,7 @@ fn below(section: &Section<'_>, is_measured: bool) -> BelowHorizon {
     let below = section.read("below", "one of \"given\", \"dark\", \"surface\"", |v| match v.as_str()? {
         "given" => Some(BelowHorizon::AsGiven),
         "dark" => Some(BelowHorizon::Dark),
-        "surface" => {
-            Some(BelowHorizon::Surface { albedo_rgb: albedo_rgb.unwrap_or([UNSTATED_ALBEDO; 3]) })
-        }
+        "surface" => Some(BelowHorizon::Surface { albedo_rgb: albedo_rgb.unwrap_or([UNSTATED_ALBEDO; 3]) }),
         _ => None,
     });
     if is_measured && below.is_some() {

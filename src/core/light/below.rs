@@ -2,10 +2,7 @@
 //! hold what is not there.
 
 use crate::math::octahedral;
-use crate::model::{
-    environment::EnvironmentPicture,
-    light::RadianceSamples,
-};
+use crate::model::{environment::EnvironmentPicture, light::RadianceSamples};
 use std::f64::consts::PI;
 
 /// Directions all over the sphere by which a surface's light is added.

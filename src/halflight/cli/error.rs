@@ -4,8 +4,8 @@ use crate::assets::error::AssetError;
 use crate::config::ConfigErrors;
 use crate::device::error::DeviceError;
 use crate::engine::EngineError;
-use crate::light::unwrap_ball::UnwrapError;
 use crate::lab::error::LabError;
+use crate::light::unwrap_ball::UnwrapError;
 use crate::pipeline::PipelineError;
 use crate::reference::TraceError;
 use crate::track::tag::TagError;
@@ -34,6 +34,14 @@ macro_rules! told_as_they_are {
 }
 
 told_as_they_are!(
-    AssetError, ConfigErrors, DeviceError, EngineError, LabError, PipelineError, TraceError, TagError,
-    UnwrapError, serde_json::Error
+    AssetError,
+    ConfigErrors,
+    DeviceError,
+    EngineError,
+    LabError,
+    PipelineError,
+    TraceError,
+    TagError,
+    UnwrapError,
+    serde_json::Error
 );

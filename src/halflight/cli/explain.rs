@@ -74,7 +74,11 @@ pub fn run(arguments: ExplainArguments, global: &GlobalOptions) -> Result<(), Cl
     Ok(())
 }
 
-fn of_still(arguments: &ExplainArguments, settings: &Settings, global: &GlobalOptions) -> Result<Explained, CliError> {
+fn of_still(
+    arguments: &ExplainArguments,
+    settings: &Settings,
+    global: &GlobalOptions,
+) -> Result<Explained, CliError> {
     let quality = &settings.quality;
     let mut engine = global.open_engine()?;
     let input = &arguments.input;

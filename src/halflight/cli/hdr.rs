@@ -247,10 +247,7 @@ struct ChosenResponse {
     tolerance: Tolerance,
 }
 
-fn choose_response(
-    arguments: &HdrArguments,
-    bracket: &LoadedBracket,
-) -> Result<ChosenResponse, CliError> {
+fn choose_response(arguments: &HdrArguments, bracket: &LoadedBracket) -> Result<ChosenResponse, CliError> {
     let guess = |response, kind| ChosenResponse {
         response,
         kind,

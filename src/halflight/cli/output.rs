@@ -34,7 +34,8 @@ pub fn say_digest(hex: &str, is_json: bool) -> Result<(), CliError> {
 /// # Errors
 /// It cannot be made.
 pub fn make_folder(folder: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(folder).map_err(|e| CliError::on(folder.display(), format!("cannot be made: {e}")))
+    std::fs::create_dir_all(folder)
+        .map_err(|e| CliError::on(folder.display(), format!("cannot be made: {e}")))
 }
 
 /// Writes a file.
@@ -42,7 +43,8 @@ pub fn make_folder(folder: &Path) -> Result<(), CliError> {
 /// # Errors
 /// It cannot be written.
 pub fn write_file(file: &Path, contents: impl AsRef<[u8]>) -> Result<(), CliError> {
-    std::fs::write(file, contents).map_err(|e| CliError::on(file.display(), format!("cannot be written: {e}")))
+    std::fs::write(file, contents)
+        .map_err(|e| CliError::on(file.display(), format!("cannot be written: {e}")))
 }
 
 /// What the ending of a picture's name asks for.

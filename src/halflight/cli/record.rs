@@ -1,12 +1,12 @@
 //! `halflight record`
 
-use crate::lab::digest::PixelDigest;
 use super::progress::Bar;
 use super::{CliError, GlobalOptions};
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Truth, open};
+use crate::lab::digest::PixelDigest;
 use crate::model::frame::Exposure;
 use std::path::{Path, PathBuf};
 

@@ -121,7 +121,8 @@ fn f3_folders(reference: &Path) -> Result<Vec<PathBuf>, CliError> {
 
 fn displayed_values() -> Done {
     let curves = displayed_values::error_curves();
-    let of = |off: &Off| json!({"hidden": off.hidden, "mean_dn": off.mean, "std_dn": off.std, "rms_dn": off.rms});
+    let of =
+        |off: &Off| json!({"hidden": off.hidden, "mean_dn": off.mean, "std_dn": off.std, "rms_dn": off.rms});
     let report: Vec<_> = curves
         .iter()
         .map(|curve| json!({"curve": curve.name, "points": curve.offs.iter().map(of).collect::<Vec<_>>()}))

@@ -1,9 +1,9 @@
 //! `halflight tags`: AprilTags in one picture, and where they are.
 
-use crate::lab::digest::PixelDigest;
 use super::output::{say, say_digest};
 use super::{CliError, GlobalOptions};
 use crate::assets::{calibration, pictures};
+use crate::lab::digest::PixelDigest;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::image::{Image, Rgb8Image};
 use crate::track::{

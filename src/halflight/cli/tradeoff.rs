@@ -83,8 +83,7 @@ pub fn run(arguments: TradeoffArguments, global: &GlobalOptions) -> Result<(), C
     let mut engine = global.open_engine()?;
     let bar = if global.json { Bar::hidden() } else { Bar::of_count(Some(0), "pictures") };
     let mut bench = Bench { engine: engine.as_mut(), base: &settings, host: host(), watch: &bar };
-    let choice =
-        SubjectChoice { scenes: &arguments.scene, frame: arguments.frame, samples: plan.samples };
+    let choice = SubjectChoice { scenes: &arguments.scene, frame: arguments.frame, samples: plan.samples };
     let mut subjects = Vec::new();
     for input in &arguments.inputs {
         subjects.extend(StudySubject::of(input, &choice, &mut bench)?);

@@ -1,7 +1,8 @@
 //! The JSON of a case, as written.
 
 use super::{
-    Case, CaseImage, CaseEmitter, EmitterKind, Geometry, LightTruth, LightTruths, Photographs, GeometryRole, ExactShape,
+    Case, CaseEmitter, CaseImage, EmitterKind, ExactShape, Geometry, GeometryRole, LightTruth, LightTruths,
+    Photographs,
 };
 use crate::{
     assets::error::AssetError,
@@ -315,7 +316,11 @@ fn shape(check: &mut Check, name: &str, raw: ShapeFile, root: &Path) -> ExactSha
             half_size.iter().for_each(|&size| {
                 check.positive(key("half_size"), size);
             });
-            ExactShape::Box { centre: center.into(), half_size: half_size.into(), yaw_rad: yaw_deg.to_radians() }
+            ExactShape::Box {
+                centre: center.into(),
+                half_size: half_size.into(),
+                yaw_rad: yaw_deg.to_radians(),
+            }
         }
         ShapeFile::Sphere { center, radius } => {
             ExactShape::Sphere { centre: center.into(), radius: check.positive(key("radius"), radius) }

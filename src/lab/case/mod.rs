@@ -378,7 +378,9 @@ fn tessellate(shape: &ExactShape, subdivisions: u32) -> Result<(Mesh, Affine3A, 
             let turn = Affine3A::from_axis_angle(Vec3::Z, *yaw_rad as f32);
             (shapes::cuboid(*half_size), at(*centre) * turn, true)
         }
-        ExactShape::Sphere { centre, radius } => (shapes::icosphere(*radius, subdivisions), at(*centre), true),
+        ExactShape::Sphere { centre, radius } => {
+            (shapes::icosphere(*radius, subdivisions), at(*centre), true)
+        }
         ExactShape::Mesh { file, world_from_object } => (obj::load(file)?, *world_from_object, false),
     })
 }

@@ -94,7 +94,13 @@ fn gather(case: &Case, scene: &Scene, shining: &[ReadyEmitter]) -> ShadedReceive
     receivers
 }
 
-fn trace(receivers: &ShadedReceivers, shining: &[ReadyEmitter], origin: DVec3, ray: DVec3, number: usize) -> [f64; 3] {
+fn trace(
+    receivers: &ShadedReceivers,
+    shining: &[ReadyEmitter],
+    origin: DVec3,
+    ray: DVec3,
+    number: usize,
+) -> [f64; 3] {
     let hit = receivers.bvh.intersect(origin.as_vec3(), ray.as_vec3(), 0.0, f32::INFINITY);
     let wall = hit.map_or(f64::INFINITY, |h| f64::from(h.t));
     let lamp = shining

@@ -1,6 +1,6 @@
 //! The known room of a case: its receivers and the quadrilaterals that shine.
 
-use super::{Case, CaseEmitter, EmitterKind, GeometryRole, ExactShape};
+use super::{Case, CaseEmitter, EmitterKind, ExactShape, GeometryRole};
 use crate::model::{
     room::{Face, Room, RoomSurface},
     scene::Material,

@@ -3,7 +3,7 @@
 //! product gets from a camera (`place`), and what an emitter's file means (`emitters`).
 
 use super::{
-    Case, CaseEmitter, EmitterKind, GeometryRole, ExactShape,
+    Case, CaseEmitter, EmitterKind, ExactShape, GeometryRole,
     emitters::{self, ReadyEmitter},
     place,
 };
@@ -131,11 +131,9 @@ fn far_light(case: &Case, scene: &Scene, shining: Vec<ReadyEmitter>) -> Result<F
     let centre = centre_of(scene);
     for emitter in shining {
         match emitter {
-            ReadyEmitter::Environment(samples, map) => around.push(KnownLight::Picture {
-                samples,
-                total: None,
-                map: Some((map, DMat3::IDENTITY)),
-            }),
+            ReadyEmitter::Environment(samples, map) => {
+                around.push(KnownLight::Picture { samples, total: None, map: Some((map, DMat3::IDENTITY)) })
+            }
             ReadyEmitter::Constant(radiance_rgb) => {
                 around.push(KnownLight::Uniform(radiance_rgb.map(|c| c as f32)));
             }
@@ -195,7 +193,10 @@ fn known_room(
         case.geometry.iter().any(|g| {
             g.role == GeometryRole::Receiver
                 && g.name == name
-                && matches!(g.shape, ExactShape::PlaneZ0 { .. } | ExactShape::Quad { .. } | ExactShape::Box { .. })
+                && matches!(
+                    g.shape,
+                    ExactShape::PlaneZ0 { .. } | ExactShape::Quad { .. } | ExactShape::Box { .. }
+                )
         })
     };
     scene.surfaces.retain(|surface| !in_room(&surface.name));

@@ -1,6 +1,6 @@
 //! A case as it is traced: exact shapes, one-sided surfaces, its own emitters.
 
-use super::{Case, CaseEmitter, EmitterKind, Geometry, GeometryRole, ExactShape, tessellate};
+use super::{Case, CaseEmitter, EmitterKind, ExactShape, Geometry, GeometryRole, tessellate};
 use crate::assets::{error::AssetError, shapes};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::scene::{Material, Mesh};

@@ -75,12 +75,7 @@ const SHADOW_BELOW: f64 = 0.93;
 
 impl Artist<'_> {
     /// One picture of the moment by a view, in the given light.
-    fn draw(
-        &mut self,
-        view: PictureView,
-        light: &Lights,
-        quality: &Quality,
-    ) -> Result<Drawn, EngineError> {
+    fn draw(&mut self, view: PictureView, light: &Lights, quality: &Quality) -> Result<Drawn, EngineError> {
         let environment = self.composition.far.environment(quality);
         let still = Still { view, light: *light, environment, ..self.still.clone() };
         still.draw(self.engine, quality, None, 0)
@@ -129,8 +124,10 @@ impl Artist<'_> {
 
     /// The light, whole, by each split.
     fn light(&mut self) -> Result<FigureSheet, EngineError> {
-        let mut sheet =
-            FigureSheet::new("light: as measured, all of it in SH / hard half, soft half (blue: negative)", 2);
+        let mut sheet = FigureSheet::new(
+            "light: as measured, all of it in SH / hard half, soft half (blue: negative)",
+            2,
+        );
         for kind in [SplitKind::Compact, SplitKind::Paper, SplitKind::Bounded, SplitKind::Sh] {
             let quality = Quality { split: kind, ..self.quality };
             let light = self.halved(&quality);

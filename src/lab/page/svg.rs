@@ -40,7 +40,8 @@ impl Svg {
             Anchor::End => " text-anchor=\"end\"",
         };
         let gap = if style.is_empty() { "" } else { " " };
-        let _ = writeln!(self.0, "<text x=\"{x:.1}\" y=\"{y:.1}\"{anchor}{gap}{style}>{}</text>", escaped(text));
+        let _ =
+            writeln!(self.0, "<text x=\"{x:.1}\" y=\"{y:.1}\"{anchor}{gap}{style}>{}</text>", escaped(text));
     }
 
     /// A text that reads upwards, its middle at a place.

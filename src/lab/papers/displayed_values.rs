@@ -58,8 +58,7 @@ pub fn error_curves() -> Vec<ErrorCurve> {
     let hidden: Vec<usize> = (0..=SOURCES).collect();
     let of = |way: &Way| {
         let (strengths, division) = (way.strengths, way.division);
-        let about =
-            Experiment { sources: SOURCES, strengths, division, datasets: 8, trials: 1000, seed: 1 };
+        let about = Experiment { sources: SOURCES, strengths, division, datasets: 8, trials: 1000, seed: 1 };
         ErrorCurve { name: way.name, offs: run(&about, &hidden, &way.tone), colour: way.colour }
     };
     WAYS.iter().map(of).collect()
@@ -113,11 +112,15 @@ mod tests {
     #[test]
     fn a_plot_holds_every_curve_and_no_broken_number() {
         let off = |hidden| Off { hidden, mean: -1e9, std: 2.0, rms: 3.0 };
-        let curve = |way: &Way| ErrorCurve { name: way.name, offs: vec![off(0), off(50)], colour: way.colour };
+        let curve =
+            |way: &Way| ErrorCurve { name: way.name, offs: vec![off(0), off(50)], colour: way.colour };
         let curves: Vec<_> = WAYS.iter().map(curve).collect();
         let svg = plot(&curves);
         assert!(WAYS.iter().all(|way| svg.contains(way.name)));
         assert!(!svg.contains("NaN") && !svg.contains("inf") && svg.ends_with("</svg>\n"));
-        assert_eq!(table(&curves).lines().nth(2), Some("\"gamma 2.2, two sets\",50,-1000000000.0000,2.0000,3.0000"));
+        assert_eq!(
+            table(&curves).lines().nth(2),
+            Some("\"gamma 2.2, two sets\",50,-1000000000.0000,2.0000,3.0000")
+        );
     }
 }

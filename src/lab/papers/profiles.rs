@@ -6,8 +6,6 @@ use crate::{
     error::LabError,
     math::{bvh::Bvh, color},
     model::image::RadianceImage,
-    open_exr::load_raw,
-    page::svg::{Anchor, Svg},
     nearfield::{
         field::{NearField, Preparation},
         marks::{Marks, View, bounds_world},
@@ -16,6 +14,8 @@ use crate::{
         shaft::Aabb,
         subtract::seen_part,
     },
+    open_exr::load_raw,
+    page::svg::{Anchor, Svg},
     sources::expand::Priority,
     visibility::point_maps::SeenPart,
 };
@@ -336,7 +336,8 @@ mod tests {
     #[test]
     fn plots_break_where_nothing_is_known() {
         let points = vec![Some([1.0, 0.5, 1.0]), None, Some([0.0, 0.5, 0.0])];
-        let profile = ShadowProfile { case: "c".to_owned(), object: "o".to_owned(), row: 3, column: 7, points };
+        let profile =
+            ShadowProfile { case: "c".to_owned(), object: "o".to_owned(), row: 3, column: 7, points };
         assert_eq!(profile.off(), [0.5, 0.0]);
         let svg = plot(std::slice::from_ref(&profile));
         assert_eq!(svg.matches("stroke-width=\"1.5\"").count(), 3);

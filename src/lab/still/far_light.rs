@@ -137,7 +137,9 @@ impl FarLight {
     /// All of it in SH of an order. What an engine projected is taken where it is of that order and all as given.
     pub fn total(&self, samples: &RadianceSamples, order: usize) -> RadianceSh {
         match (&self.known, self.below) {
-            (KnownLight::Picture { total: Some(total), .. }, BelowHorizon::AsGiven) if total.order == order => {
+            (KnownLight::Picture { total: Some(total), .. }, BelowHorizon::AsGiven)
+                if total.order == order =>
+            {
                 *total
             }
             (KnownLight::Uniform(radiance_rgb), BelowHorizon::AsGiven) => {

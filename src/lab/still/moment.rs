@@ -76,11 +76,9 @@ impl Moment {
             _ => 0.0,
         };
         let known = match &light {
-            Some(light) => KnownLight::Picture {
-                samples: from.samples.clone(),
-                total: Some(light.total),
-                map: None,
-            },
+            Some(light) => {
+                KnownLight::Picture { samples: from.samples.clone(), total: Some(light.total), map: None }
+            }
             None => KnownLight::Uniform([0.0; 3]),
         };
         let composition = Composition {

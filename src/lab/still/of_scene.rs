@@ -85,7 +85,9 @@ pub fn compose_scene(
             };
             measured_on_ball(shot, engine, quality, notes)?
         }
-        LightSource::File { .. } => FarLight { known: read_map(&file.light, engine, quality)?, ..FarLight::dark() },
+        LightSource::File { .. } => {
+            FarLight { known: read_map(&file.light, engine, quality)?, ..FarLight::dark() }
+        }
     };
     far.below = file.light_below;
     far.above_horizon =
@@ -227,11 +229,7 @@ fn measured_on_ball(
 }
 
 /// An environment picture in the world's axes. Of light from elsewhere: none.
-fn read_map(
-    light: &LightSource,
-    engine: &mut dyn Engine,
-    quality: &Quality,
-) -> Result<KnownLight, LabError> {
+fn read_map(light: &LightSource, engine: &mut dyn Engine, quality: &Quality) -> Result<KnownLight, LabError> {
     let LightSource::File { file, layout, y_up, rotation_deg } = light else {
         return Ok(KnownLight::Uniform([0.0; 3]));
     };

@@ -5,11 +5,7 @@ use crate::assets::{
     error::AssetError,
     scene::{LightSource, SceneFile},
 };
-use crate::light::{
-    below::BelowHorizon,
-    maps::MapAxes,
-    prefilter::Prefilter,
-};
+use crate::light::{below::BelowHorizon, maps::MapAxes, prefilter::Prefilter};
 use crate::math::sphere;
 use crate::model::{
     environment::{EnvironmentPicture, OctahedralMap},
@@ -42,11 +38,7 @@ pub enum LightOf<'a> {
 ///
 /// # Errors
 /// An environment picture that cannot be loaded.
-pub fn of_still(
-    file: LightOf<'_>,
-    still: &Still,
-    quality: &Quality,
-) -> Result<TraceScene, AssetError> {
+pub fn of_still(file: LightOf<'_>, still: &Still, quality: &Quality) -> Result<TraceScene, AssetError> {
     let mut scene = TraceScene::empty(still.lens, still.world_from_camera);
     scene.phong_norm = quality.phong_norm;
     let posed = still.posed();

@@ -42,7 +42,12 @@ enum TriedValue {
 use CalledForBy::{Any, FarLight, Recording, Room};
 use TriedValue::{F, I, W};
 
-const fn axis(key: &'static str, called_for_by: CalledForBy, joint: bool, values: &'static [TriedValue]) -> AccuracyAxis {
+const fn axis(
+    key: &'static str,
+    called_for_by: CalledForBy,
+    joint: bool,
+    values: &'static [TriedValue],
+) -> AccuracyAxis {
     AccuracyAxis { key, values, called_for_by, joint }
 }
 

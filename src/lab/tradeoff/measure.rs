@@ -1,13 +1,13 @@
 //! Error and time of points, interleaved: every round draws each point once, so that what else the machine does falls on
 //! all alike.
 
+use super::study::Bench;
 use super::{
     axes::TriedPoint,
     errors::{PictureErrors, errors, shown},
-    subject::{SubjectShot, StudySubject},
+    subject::{StudySubject, SubjectShot},
 };
 use crate::error::LabError;
-use super::study::Bench;
 use crate::model::{image::Rgb8Image, quality::Quality};
 use std::collections::BTreeMap;
 

@@ -1,9 +1,6 @@
 //! One page that needs nothing else: plots, tables, and for each point its picture beside the truth.
 
-use super::{
-    measure::Measured,
-    plot::FrontPlot,
-};
+use super::{measure::Measured, plot::FrontPlot};
 use crate::assets::error::AssetError;
 use crate::model::image::{Image, Rgb8Image};
 use crate::page::html::{escaped, picture_link};

@@ -10,10 +10,7 @@ use crate::error::LabError;
 use crate::model::response::Response;
 use crate::pipeline::frame::Stage;
 use crate::still::{
-    Composition, Still, compose_scene,
-    far_light::KnownLight,
-    moment::Moment,
-    traced::LightOf,
+    Composition, Still, compose_scene, far_light::KnownLight, moment::Moment, traced::LightOf,
 };
 use std::path::{Path, PathBuf};
 
@@ -67,7 +64,11 @@ impl StudySubject {
     ///
     /// # Errors
     /// A file that cannot be read, or that no still can be made of.
-    pub fn of(input: &Path, choice: &SubjectChoice<'_>, bench: &mut Bench<'_>) -> Result<Vec<Self>, LabError> {
+    pub fn of(
+        input: &Path,
+        choice: &SubjectChoice<'_>,
+        bench: &mut Bench<'_>,
+    ) -> Result<Vec<Self>, LabError> {
         let ends_in = |e: &str| input.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
         let text = input.to_string_lossy();
         if let Some((recording, scene)) = text.split_once('@') {
@@ -81,7 +82,11 @@ impl StudySubject {
                 let why = "--scene FILE is missing: what is drawn into the recording";
                 return Err(LabError::on(input.display(), why));
             }
-            return choice.scenes.iter().map(|scene| Self::of_recording(input, scene, choice, bench)).collect();
+            return choice
+                .scenes
+                .iter()
+                .map(|scene| Self::of_recording(input, scene, choice, bench))
+                .collect();
         }
         Ok(vec![Self::of_case(input, bench)?])
     }
@@ -195,7 +200,10 @@ impl StudySubject {
                 let mut settings = (**settings).clone();
                 point.put_over(&mut settings)?;
                 let Ok(moment) = Moment::of(&settings, *frame, &host) else { return Ok(None) };
-                Some(SubjectShot { still: moment.composition.still(&quality, &host), before: before(&moment) })
+                Some(SubjectShot {
+                    still: moment.composition.still(&quality, &host),
+                    before: before(&moment),
+                })
             }
             StillsOf::Moment { moment, settings, .. } => {
                 let still = match point.is_of_room() {

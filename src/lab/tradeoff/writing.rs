@@ -219,4 +219,3 @@ fn head(about: &About<'_>, front: &FrontFile) -> String {
     }
     html + "</table>"
 }
-

@@ -12,11 +12,7 @@ use crate::light::unwrap_ball::BallShot;
 use crate::light::{place_ball, unwrap_ball::unwrap_ball};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
-    image::HdrImage,
-    light::RadianceSamples,
-    quality::Quality,
-    rig::MirrorBall,
-    scene::Material,
+    image::HdrImage, light::RadianceSamples, quality::Quality, rig::MirrorBall, scene::Material,
 };
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
@@ -140,12 +136,14 @@ fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
     case.geometry
         .iter()
         .find_map(|geometry| match (&geometry.shape, geometry.material) {
-            (ExactShape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => Some(MirrorBall {
-                surface_radius_m: None,
-                centre_world: *centre,
-                radius_m: *radius,
-                reflectance_rgb,
-            }),
+            (ExactShape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => {
+                Some(MirrorBall {
+                    surface_radius_m: None,
+                    centre_world: *centre,
+                    radius_m: *radius,
+                    reflectance_rgb,
+                })
+            }
             _ => None,
         })
         .ok_or_else(|| CliError(format!("{}: geometry: must have a mirror sphere", case.file.display())))

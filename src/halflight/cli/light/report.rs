@@ -1,7 +1,7 @@
 //! What `halflight light` tells: text, JSON, picture.
 
 use super::{
-    LightArguments, CliError, MeasuredPlace,
+    CliError, LightArguments, MeasuredPlace,
     formats::{self, LightFormat},
 };
 use crate::assets::pictures;

@@ -2,7 +2,6 @@
 
 mod panorama;
 
-use crate::lab::digest::PixelDigest;
 use super::output::{make_folder, say, say_digest, write_file};
 use super::progress::{Bar, host};
 use super::render::is_scene_file;
@@ -13,6 +12,7 @@ use crate::assets::{
     scene::{self, RoomLightSource, RoomSource},
 };
 use crate::daemon::{cache_folder::cache_folder, host::Task};
+use crate::lab::digest::PixelDigest;
 use crate::lab::{case, open_exr::load_radiance};
 use crate::model::{image::RadianceImage, light::MapLayout};
 use crate::nearfield::{
@@ -22,10 +22,7 @@ use crate::nearfield::{
 use glam::Vec3;
 use panorama::Panorama;
 use serde_json::{Value, json};
-use std::{
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::PathBuf, time::Instant};
 
 const AFTER_HELP: &str = "\
 FILE is a scene file with a [room] section (.toml), a glTF of the room (.glb, .gltf), or a reference case (folder or
@@ -140,7 +137,12 @@ pub fn run(arguments: RoomArguments, global: &GlobalOptions) -> Result<(), CliEr
 }
 
 /// Writes the panoramas; returns the digest of all.
-fn draw(arguments: &RoomArguments, known: &KnownRoom, from: Vec3, has_camera: bool) -> Result<String, CliError> {
+fn draw(
+    arguments: &RoomArguments,
+    known: &KnownRoom,
+    from: Vec3,
+    has_camera: bool,
+) -> Result<String, CliError> {
     let bar = Bar::of_count(Some(4), "pictures");
     let view = Panorama::new(known, from, arguments.rows);
     let mut digest = PixelDigest::default();

@@ -2,12 +2,12 @@
 
 mod picture;
 
-use crate::lab::digest::PixelDigest;
 use super::output::{say, say_digest, write_file};
 use super::progress::Bar;
 use super::{CliError, GlobalOptions};
 use crate::assets::{error::AssetError, gltf, pictures, spheres};
 use crate::daemon::{cache_folder::cache_folder, host::Task};
+use crate::lab::digest::PixelDigest;
 use crate::visibility::fit_spheres::{MAX_COUNT, MIN_COUNT};
 use std::path::PathBuf;
 
@@ -95,4 +95,3 @@ pub fn run(arguments: SpheresArguments, global: &GlobalOptions) -> Result<(), Cl
     }
     Ok(())
 }
-
