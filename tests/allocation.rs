@@ -63,7 +63,7 @@ fn desk() -> Settings {
 fn frames_of_the_pipeline(settings: &Settings) {
     let mut prepared = prepare(settings, &Host::default()).unwrap();
     let frames: Vec<_> =
-        (0..WARM_UP + MEASURED).map(|_| prepared.source.next_frame(Timestamp(i64::MAX)).unwrap()).collect();
+        (0..WARM_UP + MEASURED).map(|_| prepared.source.next(Timestamp(i64::MAX)).unwrap()).collect();
     let mut relit = 0;
     for frame in &frames[..WARM_UP] {
         prepared.pipeline.frame(frame).unwrap();

@@ -31,7 +31,7 @@ fn run(scene: &Path, frames: usize) -> (Vec<Vec<[f32; 3]>>, usize) {
     let mut prepared = prepare(&settings, &Host::default()).unwrap();
     let (mut pictures, mut relit) = (Vec::new(), 0);
     for _ in 0..frames {
-        let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();
+        let frame = prepared.source.next(Timestamp(i64::MAX)).unwrap();
         let outcome = prepared.pipeline.frame(&frame).unwrap();
         relit += usize::from(!outcome.shown.is_passed_through());
         let picture = &prepared.pipeline.picture().radiance;

@@ -29,7 +29,7 @@ fn nothing_virtual_shows_the_camera_s_picture_to_the_last_bit() {
         }
         let mut all = prepare(&bare(Effects::All), &Host::default()).unwrap();
         for _ in 0..6 {
-            let frame = called_for.source.next_frame(Timestamp(i64::MAX)).unwrap();
+            let frame = called_for.source.next(Timestamp(i64::MAX)).unwrap();
             let outcome = called_for.pipeline.frame(&frame).unwrap();
             assert!(called_for.pipeline.plan().passes_through);
             assert!(called_for.pipeline.picture().display == *frame.pixels);
@@ -51,7 +51,7 @@ fn pictures_of_several_exposures_are_still_merged() {
     let mut prepared = prepare(&settings, &Host::default()).unwrap();
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
     for _ in 0..4 {
-        let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();
+        let frame = prepared.source.next(Timestamp(i64::MAX)).unwrap();
         prepared.pipeline.frame(&frame).unwrap();
     }
     assert!(!prepared.pipeline.plan().passes_through);
@@ -65,7 +65,7 @@ fn the_overlay_is_laid_over_the_picture_and_takes_lines() {
     let mut settings = bare(Effects::CalledFor);
     settings.hud = true;
     let mut prepared = prepare(&settings, &Host::default()).unwrap();
-    let frame = prepared.source.next_frame(Timestamp(i64::MAX)).unwrap();
+    let frame = prepared.source.next(Timestamp(i64::MAX)).unwrap();
     prepared.pipeline.note(format_args!("LINE {}", 1));
     prepared.pipeline.frame(&frame).unwrap();
     let first = prepared.pipeline.picture().display.clone();

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 use halflight::config::presets;
-use halflight::device::{Clock, FrameSource, open};
+use halflight::device::{Clock, FrameSource, clock::ManualClock, open};
 use halflight::engine::{
     Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu::CpuEngine,
 };
@@ -25,7 +25,7 @@ use halflight::plan::{
 };
 use std::sync::{
     Arc,
-    atomic::{AtomicI64, AtomicU32, Ordering::Relaxed},
+    atomic::{AtomicU32, Ordering::Relaxed},
 };
 
 /// Frames between two steps of the load.
@@ -35,23 +35,15 @@ const BUDGET_MS: f32 = 30.0;
 /// What a frame takes besides drawing.
 const MERGING_NS: i64 = 5_000_000;
 
-#[derive(Clone, Default)]
-struct Simulated(Arc<AtomicI64>);
-
-impl Clock for Simulated {
-    fn now(&self) -> Timestamp {
-        Timestamp(self.0.load(Relaxed))
-    }
-
-    fn wait_until(&mut self, t: Timestamp) {
-        self.0.fetch_max(t.0, Relaxed);
-    }
+/// Lets simulated time pass.
+fn pass(clock: &ManualClock, ns: i64) {
+    clock.wait_until(Timestamp(clock.now().0 + ns));
 }
 
 /// The CPU engine; its drawing takes simulated time, as the front says and as the load is.
 struct Loaded {
     inner: CpuEngine,
-    clock: Simulated,
+    clock: ManualClock,
     front: Front,
     load_permille: Arc<AtomicU32>,
     frames: u32,
@@ -76,7 +68,7 @@ impl Engine for Loaded {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
-        self.clock.0.fetch_add(MERGING_NS, Relaxed);
+        pass(&self.clock, MERGING_NS);
         self.inner.merge_bracket(bracket, response, out)
     }
 
@@ -122,7 +114,7 @@ impl Engine for Loaded {
         let load = f64::from(self.load_permille.load(Relaxed)) * 1e-3;
         // Up to 8 % more or less from frame to frame.
         let noise = 1.0 + 0.08 * (f64::from(self.frames) * 2.399).sin();
-        self.clock.0.fetch_add((ms * load * noise * 1e6) as i64, Relaxed);
+        pass(&self.clock, (ms * load * noise * 1e6) as i64);
         self.inner.relight(plan, input, out)
     }
 
@@ -142,7 +134,7 @@ fn stepped_load_is_followed_within_ten_frames_and_without_oscillation() {
     let steps = front.steps();
     assert!(steps.len() >= 4, "{}", steps.len());
     let middle = steps[steps.len() / 2].ms;
-    let (clock, load_permille) = (Simulated::default(), Arc::new(AtomicU32::new(1000)));
+    let (clock, load_permille) = (ManualClock::default(), Arc::new(AtomicU32::new(1000)));
     let engine = Loaded {
         inner: CpuEngine::new(Some(1)).unwrap(),
         clock: clock.clone(),
@@ -183,10 +175,10 @@ fn stepped_load_is_followed_within_ten_frames_and_without_oscillation() {
         load_permille.store(load, Relaxed);
         let (mut changes_before, mut late_changes) = (None, 0);
         for frame in 0..FRAMES_OF_A_STEP {
-            let raw = source.next_frame(Timestamp(i64::MAX)).unwrap();
+            let raw = source.next(Timestamp(i64::MAX)).unwrap();
             let next = clock.now().0 + PERIOD_NS;
             let outcome = pipeline.frame(&raw).unwrap();
-            clock.0.fetch_max(next, Relaxed);
+            clock.wait_until(Timestamp(next));
             let choice = outcome.choice.unwrap();
             if frame >= 10 {
                 counted += 1;

@@ -128,7 +128,7 @@ fn open(bytes: &[u8]) -> Result<ReplaySource<Cursor<&[u8]>>, DeviceError> {
 fn drain(source: &mut impl FrameSource) -> (Vec<RawFrame>, DeviceError) {
     let mut frames = Vec::new();
     loop {
-        match source.next_frame(NEVER) {
+        match source.next(NEVER) {
             Ok(frame) => frames.push(frame),
             Err(error) => return (frames, error),
         }
@@ -150,10 +150,10 @@ fn what_is_recorded_comes_back_bit_for_bit() {
         assert_eq!(source.frames_left(), Some(40));
         assert_eq!(source.set_exposures(&[]).unwrap().len(), 3);
         for i in 0..40 {
-            assert_same(&source.next_frame(NEVER).unwrap(), &frame(i));
+            assert_same(&source.next(NEVER).unwrap(), &frame(i));
             assert_eq!(source.truth(), Some(truth(i)));
         }
-        assert_eq!(source.next_frame(NEVER).unwrap_err().kind, ErrorKind::Ended);
+        assert_eq!(source.next(NEVER).unwrap_err().kind, ErrorKind::Ended);
         assert_eq!(source.damage().warnings(), 0);
     }
 }
@@ -184,7 +184,7 @@ fn jpeg_is_close_and_much_smaller() {
     writer.write_frame(&smooth(0), None).unwrap();
     let bytes = writer.finish().unwrap().1.into_inner();
     let mut source = open(&bytes).unwrap();
-    let back = source.next_frame(NEVER).unwrap();
+    let back = source.next(NEVER).unwrap();
     assert_eq!(source.truth(), None);
     let original = smooth(0);
     let largest = back.pixels.pixels().iter().flatten().zip(original.pixels.pixels().iter().flatten());
@@ -348,7 +348,7 @@ fn a_picture_of_another_size_is_refused_with_both_sizes() {
     }
     let (_, bytes) = record(1, PictureCoding::Png, other);
     let mut source = open(&bytes).unwrap();
-    let error = source.next_frame(NEVER).unwrap_err();
+    let error = source.next(NEVER).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Refused);
     assert!(error.to_string().contains("32 x 24, must be 64 x 24"), "{error}");
 }
@@ -415,13 +415,13 @@ fn the_bundled_recording_is_whole() {
     assert_eq!(cycle.len(), 3);
     let mut light = None;
     for i in 0..90u64 {
-        let frame = frames.next_frame(NEVER).unwrap();
+        let frame = frames.next(NEVER).unwrap();
         assert_eq!((frame.sequence, frame.exposure), (i, cycle[i as usize % 3]));
         let truth = frames.truth().unwrap();
         assert_eq!(truth.pose.t, frame.t_mid);
         assert_eq!(*light.get_or_insert(truth.light), truth.light);
     }
-    assert_eq!(frames.next_frame(NEVER).unwrap_err().kind, ErrorKind::Ended);
+    assert_eq!(frames.next(NEVER).unwrap_err().kind, ErrorKind::Ended);
     let mut samples = Vec::new();
     imu.samples_until(NEVER, &mut samples).unwrap();
     // 200 a second over 3 s and a little before.

@@ -36,7 +36,7 @@ fn the_tag_appears_where_the_truth_puts_it() {
     let tag = rig.tags[0];
     assert_eq!((tag.id, tag.side_m), (0, TAG_SIDE_M));
     for i in 0..6 {
-        let frame = source.next_frame(NEVER).unwrap();
+        let frame = source.next(NEVER).unwrap();
         let pose = source.truth().unwrap().pose.world_from_camera;
         // On the diagonals: black inside each corner, white paper outside, by 7 % of half the side.
         for (x, y) in [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
@@ -130,7 +130,7 @@ fn the_ball_is_a_mirror_with_the_stated_outline_and_reflectance() {
 fn exposures_scale_the_linear_picture() {
     let (mut source, _) = open("noise=0,motion=0");
     let response = source.response().unwrap();
-    let frames: Vec<_> = (0..3).map(|_| source.next_frame(NEVER).unwrap()).collect();
+    let frames: Vec<_> = (0..3).map(|_| source.next(NEVER).unwrap()).collect();
     let g = response.log_exposure();
     // Where both pictures are well exposed, ln X differs by the logarithm of the ratio of the times.
     for (a, b) in [(0, 1), (1, 2)] {
@@ -157,7 +157,7 @@ fn exposures_scale_the_linear_picture() {
 #[test]
 fn the_shortest_exposure_keeps_the_lamp() {
     let (mut source, _) = open("noise=1");
-    let frame = source.next_frame(NEVER).unwrap();
+    let frame = source.next(NEVER).unwrap();
     let brightest = frame.pixels.pixels().iter().flatten().max().copied().unwrap();
     assert!((200..255).contains(&brightest), "{brightest}");
 }
@@ -169,7 +169,7 @@ fn equal_options_give_equal_pixels_for_any_number_of_threads() {
         pool.install(|| {
             let options = Options::parse("seed=3,size=96x64,texel_mm=10").unwrap();
             let (mut source, mut imu) = synthetic::open_anew(&options);
-            let frame = source.next_frame(NEVER).unwrap();
+            let frame = source.next(NEVER).unwrap();
             let mut samples = Vec::new();
             imu.samples_until(frame.t_mid, &mut samples).unwrap();
             (frame.pixels, source.truth(), samples)
@@ -183,7 +183,7 @@ fn equal_options_give_equal_pixels_for_any_number_of_threads() {
 #[test]
 fn the_light_is_that_of_a_lit_room() {
     let (mut source, _) = open("");
-    source.next_frame(NEVER).unwrap();
+    source.next(NEVER).unwrap();
     let truth = source.truth().unwrap();
     let light = truth.light;
     assert_eq!(light.order, 6);
@@ -209,7 +209,7 @@ fn the_table_is_as_bright_as_the_true_light_says() {
     // from this place and stands lower there: its part is 0.78 of that at the ball, and the rest about equal.
     let (source, _) = open("noise=0,motion=0");
     let (mut other, _) = open("noise=0,motion=0");
-    other.next_frame(NEVER).unwrap();
+    other.next(NEVER).unwrap();
     let light = other.truth().unwrap().light;
     let pose = source.world_from_camera(1.0);
     let rig = source.rig().unwrap();
@@ -297,10 +297,10 @@ fn the_source_ends_and_takes_sensible_exposures_only() {
     }
     let mut last = None;
     for i in 0..6u64 {
-        let frame = source.next_frame(NEVER).unwrap();
+        let frame = source.next(NEVER).unwrap();
         assert_eq!((frame.sequence, frame.exposure), (i, chosen[i as usize % 2]));
         assert!(last.is_none_or(|t| frame.t_mid > t));
         last = Some(frame.t_mid);
     }
-    assert_eq!(source.next_frame(NEVER).unwrap_err().kind, ErrorKind::Ended);
+    assert_eq!(source.next(NEVER).unwrap_err().kind, ErrorKind::Ended);
 }

@@ -190,8 +190,7 @@ fn empty() {
         Err(error) => return println!("  {error}"),
     };
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
-    let frames: Vec<_> =
-        (0..40).filter_map(|_| prepared.source.next_frame(Timestamp(i64::MAX)).ok()).collect();
+    let frames: Vec<_> = (0..40).filter_map(|_| prepared.source.next(Timestamp(i64::MAX)).ok()).collect();
     let mut target = Rgb8Image::filled(640, 480, [0; 3]);
     let (mut copies, mut whole) = (Vec::new(), Vec::new());
     for frame in &frames {

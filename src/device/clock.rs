@@ -1,8 +1,58 @@
 //! Clocks on the monotonic time line of the frames. The only place that asks the machine for the time.
 
-use super::Clock;
 use crate::model::time::Timestamp;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// A clock on the monotonic time line of the frames. It never goes back. Shared by threads.
+pub trait Clock: Send + Sync {
+    /// Now.
+    fn now(&self) -> Timestamp;
+
+    /// Waits until `t` or until the signal is raised, whichever comes first; returns whether the signal is raised.
+    fn wait_or(&self, t: Timestamp, signal: &Signal) -> bool;
+
+    /// Waits until `t` (a manual clock jumps).
+    fn wait_until(&self, t: Timestamp) {
+        self.wait_or(t, &Signal::default());
+    }
+}
+
+/// A flag that threads wait for. Once raised it stays so. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Signal(Arc<SignalState>);
+
+#[derive(Debug, Default)]
+struct SignalState {
+    raised: Mutex<bool>,
+    changed: Condvar,
+}
+
+impl Signal {
+    /// Raises the flag and wakes all that wait for it.
+    pub fn raise(&self) {
+        *self.lock() = true;
+        self.0.changed.notify_all();
+    }
+
+    /// Returns whether the flag is raised.
+    pub fn is_raised(&self) -> bool {
+        *self.lock()
+    }
+
+    /// Waits until the flag is raised, however long that takes.
+    pub fn wait(&self) {
+        let mut raised = self.lock();
+        while !*raised {
+            raised = self.0.changed.wait(raised).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, bool> {
+        self.0.raised.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// The machine's monotonic clock; zero is when it was made.
 #[derive(Clone, Copy, Debug)]
@@ -28,34 +78,111 @@ impl Clock for MonotonicClock {
         Timestamp(i64::try_from(self.zero.elapsed().as_nanos()).unwrap_or(i64::MAX))
     }
 
-    fn wait_until(&mut self, t: Timestamp) {
-        let left = t.0.saturating_sub(self.now().0);
-        if let Ok(nanoseconds) = u64::try_from(left) {
-            std::thread::sleep(Duration::from_nanos(nanoseconds));
+    fn wait_or(&self, t: Timestamp, signal: &Signal) -> bool {
+        let mut raised = signal.lock();
+        loop {
+            let left = u64::try_from(t.0.saturating_sub(self.now().0)).unwrap_or(0);
+            if *raised || left == 0 {
+                return *raised;
+            }
+            let result = signal.0.changed.wait_timeout(raised, Duration::from_nanos(left));
+            raised = result.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }
 
-/// A clock that moves only when told: waiting jumps. It never goes back.
-#[derive(Clone, Copy, Debug, Default)]
+/// A clock that moves only when told: waiting jumps. Clones share one time.
+#[derive(Clone, Debug, Default)]
 pub struct ManualClock {
-    now: Timestamp,
+    now: Arc<AtomicI64>,
 }
 
 impl ManualClock {
     /// Starts at this time.
     pub fn new(now: Timestamp) -> Self {
-        Self { now }
+        Self { now: Arc::new(AtomicI64::new(now.0)) }
     }
 }
 
 impl Clock for ManualClock {
     fn now(&self) -> Timestamp {
-        self.now
+        Timestamp(self.now.load(Ordering::SeqCst))
     }
 
-    fn wait_until(&mut self, t: Timestamp) {
-        self.now = self.now.max(t);
+    /// Jumps to `t`, unless the signal is raised already. `NEVER` does not jump: it waits for the signal.
+    fn wait_or(&self, t: Timestamp, signal: &Signal) -> bool {
+        if t == Timestamp::NEVER {
+            signal.wait();
+        }
+        if signal.is_raised() {
+            return true;
+        }
+        self.now.fetch_max(t.0, Ordering::SeqCst);
+        false
+    }
+}
+
+/// A clock that a test moves by hand while other threads wait for it. Clones share one time.
+#[derive(Clone, Debug, Default)]
+pub struct SteppedClock(Arc<Stepped>);
+
+#[derive(Debug, Default)]
+struct Stepped {
+    now: AtomicI64,
+    waiting: Mutex<Vec<(Timestamp, Signal)>>,
+    somebody_waits: Condvar,
+}
+
+impl SteppedClock {
+    /// The earliest time that somebody waits for; blocks until somebody waits.
+    pub fn next_wake(&self) -> Timestamp {
+        self.next_wake_of(1)
+    }
+
+    /// The earliest time that somebody waits for; blocks until at least so many threads wait.
+    pub fn next_wake_of(&self, threads: usize) -> Timestamp {
+        let mut waiting = self.lock();
+        while waiting.len() < threads.max(1) {
+            waiting = self.0.somebody_waits.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+        }
+        waiting.iter().map(|(t, _)| *t).min().unwrap_or(Timestamp::NEVER)
+    }
+
+    /// Moves to `t` (never back) and wakes those who waited for it.
+    pub fn advance_to(&self, t: Timestamp) {
+        self.0.now.fetch_max(t.0, Ordering::SeqCst);
+        let due: Vec<Signal> =
+            self.lock().iter().filter(|(until, _)| *until <= t).map(|(_, signal)| signal.clone()).collect();
+        for signal in due {
+            // Under the signal's lock, so that nobody is between looking at the time and going to sleep.
+            let _raised = signal.lock();
+            signal.0.changed.notify_all();
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<(Timestamp, Signal)>> {
+        self.0.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Clock for SteppedClock {
+    fn now(&self) -> Timestamp {
+        Timestamp(self.0.now.load(Ordering::SeqCst))
+    }
+
+    fn wait_or(&self, t: Timestamp, signal: &Signal) -> bool {
+        self.lock().push((t, signal.clone()));
+        self.0.somebody_waits.notify_all();
+        let mut raised = signal.lock();
+        while !*raised && self.now() < t {
+            raised = signal.0.changed.wait(raised).unwrap_or_else(PoisonError::into_inner);
+        }
+        let raised = *raised;
+        let mut waiting = self.lock();
+        if let Some(at) = waiting.iter().position(|(until, s)| *until == t && Arc::ptr_eq(&s.0, &signal.0)) {
+            waiting.swap_remove(at);
+        }
+        raised
     }
 }
 
@@ -65,15 +192,20 @@ mod tests {
 
     #[test]
     fn a_manual_clock_jumps_and_never_goes_back() {
-        let mut clock = ManualClock::default();
+        let clock = ManualClock::default();
+        let same = clock.clone();
         clock.wait_until(Timestamp(50));
-        clock.wait_until(Timestamp(20));
-        assert_eq!(clock.now(), Timestamp(50));
+        same.wait_until(Timestamp(20));
+        assert_eq!((clock.now(), same.now()), (Timestamp(50), Timestamp(50)));
+        let stop = Signal::default();
+        stop.raise();
+        assert!(clock.wait_or(Timestamp(90), &stop) && clock.wait_or(Timestamp::NEVER, &stop));
+        assert_eq!(clock.now(), Timestamp(50), "a raised signal leaves no time to wait");
     }
 
     #[test]
     fn the_monotonic_clock_waits_and_does_not_go_back() {
-        let mut clock = MonotonicClock::new();
+        let clock = MonotonicClock::new();
         let before = clock.now();
         let goal = before.plus_seconds(0.002);
         clock.wait_until(goal);
@@ -81,5 +213,37 @@ mod tests {
         let after = clock.now();
         clock.wait_until(before);
         assert!(clock.now() >= after);
+    }
+
+    #[test]
+    fn a_signal_ends_a_wait() {
+        let (clock, stop) = (MonotonicClock::new(), Signal::default());
+        let theirs = stop.clone();
+        let waiting = std::thread::spawn(move || clock.wait_or(Timestamp::NEVER, &theirs));
+        stop.raise();
+        assert!(waiting.join().unwrap());
+    }
+
+    #[test]
+    fn a_stepped_clock_wakes_those_whose_time_has_come() {
+        let clock = SteppedClock::default();
+        let threads: Vec<_> = [30, 10]
+            .map(|t| {
+                let clock = clock.clone();
+                std::thread::spawn(move || {
+                    clock.wait_until(Timestamp(t));
+                    clock.now()
+                })
+            })
+            .into_iter()
+            .collect();
+        assert_eq!(clock.next_wake_of(2), Timestamp(10));
+        clock.advance_to(Timestamp(10));
+        clock.advance_to(Timestamp(5));
+        while clock.next_wake() < Timestamp(30) {}
+        clock.advance_to(Timestamp(40));
+        let times: Vec<Timestamp> = threads.into_iter().map(|t| t.join().unwrap()).collect();
+        assert_eq!(times[0], Timestamp(40));
+        assert!(times[1] >= Timestamp(10));
     }
 }

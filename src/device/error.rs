@@ -36,6 +36,11 @@ impl DeviceError {
         Self { device: device.into(), action: action.into(), kind, source: None }
     }
 
+    /// Nothing came by the deadline. Allocates nothing: it is no failure, and whoever asked knows the device.
+    pub fn again() -> Self {
+        Self { device: String::new(), action: String::new(), kind: ErrorKind::Again, source: None }
+    }
+
     /// Adds the cause.
     #[must_use]
     pub fn because(mut self, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {

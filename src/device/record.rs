@@ -73,8 +73,8 @@ impl<S: FrameSource, W: Write + Seek> Recorder<S, W> {
 }
 
 impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
-    fn next_frame(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
-        let frame = self.source.next_frame(deadline)?;
+    fn next(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        let frame = self.source.next(deadline)?;
         let truth = self.source.truth();
         self.tape.write(|writer| writer.write_frame(&frame, truth.as_ref()));
         Ok(frame)
@@ -99,6 +99,10 @@ impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
     fn truth(&mut self) -> Option<Truth> {
         self.source.truth()
     }
+
+    fn delivers_at_once(&self) -> bool {
+        self.source.delivers_at_once()
+    }
 }
 
 /// An IMU whose samples are written as they pass.
@@ -115,14 +119,17 @@ impl<I: ImuSource, W: Write + Seek> ImuRecorder<I, W> {
 }
 
 impl<I: ImuSource, W: Write + Seek + Send> ImuSource for ImuRecorder<I, W> {
-    fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError> {
-        let before = out.len();
-        let result = self.source.samples_until(until, out);
-        self.tape.write(|writer| writer.write_imu(&out[before..]));
-        result
+    fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
+        let sample = self.source.next(deadline)?;
+        self.tape.write(|writer| writer.write_imu(&[sample]));
+        Ok(sample)
     }
 
     fn imu_truth(&self) -> Option<ImuTruth> {
         self.source.imu_truth()
+    }
+
+    fn delivers_at_once(&self) -> bool {
+        self.source.delivers_at_once()
     }
 }

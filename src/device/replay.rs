@@ -89,6 +89,7 @@ pub struct ReplaySource<R> {
     pose: Option<(u64, PoseEstimate)>,
     light: Option<(u64, (RadianceSh, [f32; 3]))>,
     truth: Option<Truth>,
+    held: Option<RawFrame>,
     exposures: Vec<Exposure>,
     last: Option<Timestamp>,
     given: u64,
@@ -147,6 +148,7 @@ impl<R: Read + Seek> ReplaySource<R> {
             pose: None,
             light: None,
             truth: None,
+            held: None,
             exposures,
             last: None,
             given: 0,
@@ -201,6 +203,38 @@ impl<R: Read + Seek> ReplaySource<R> {
         Ok(None)
     }
 
+    /// The next whole frame of the file.
+    fn read_frame(&mut self) -> Result<RawFrame, DeviceError> {
+        if self.given >= self.most {
+            return Err(self.ended());
+        }
+        while let Some(message) = self.reader.next_message()? {
+            match self.take(&message) {
+                Ok(None) => {}
+                Ok(Some(frame)) => {
+                    let (w, h) = (frame.pixels.width(), frame.pixels.height());
+                    let lens = &self.rig.lens;
+                    if (w, h) != (lens.width as usize, lens.height as usize) {
+                        let action = format!(
+                            "frame {}: the picture is {w} x {h}, must be {} x {} as {} says",
+                            frame.sequence,
+                            lens.width,
+                            lens.height,
+                            Topic::Calibration.name()
+                        );
+                        return Err(DeviceError::new(&self.device, action, ErrorKind::Refused));
+                    }
+                    return Ok(frame);
+                }
+                Err(why) => {
+                    self.reader.count_bad_message();
+                    tracing::warn!("{}: {}: {why}", self.device, message.topic.name());
+                }
+            }
+        }
+        Err(self.ended())
+    }
+
     fn frame(&mut self, t: u64, message: &Message) -> Result<RawFrame, String> {
         let Some((_, note)) = self.note.filter(|(of, _)| *of == t) else {
             return Err(format!("a picture at {t} ns has no message on {}", Topic::Exposure.name()));
@@ -226,38 +260,19 @@ impl<R: Read + Seek> ReplaySource<R> {
 }
 
 impl<R: Read + Seek + Send> FrameSource for ReplaySource<R> {
-    /// The next frame, whatever the deadline. A message that cannot be understood is counted and skipped;
-    /// `Refused` where a picture's size is not the calibration's.
-    fn next_frame(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
-        if self.given >= self.most {
-            return Err(self.ended());
+    /// A message that cannot be understood is counted and skipped; `Refused` where a picture's size is not the
+    /// calibration's.
+    fn next(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        let frame = match self.held.take() {
+            Some(frame) => frame,
+            None => self.read_frame()?,
+        };
+        if frame.t_mid > deadline {
+            self.held = Some(frame);
+            return Err(DeviceError::again());
         }
-        while let Some(message) = self.reader.next_message()? {
-            match self.take(&message) {
-                Ok(None) => {}
-                Ok(Some(frame)) => {
-                    let (w, h) = (frame.pixels.width(), frame.pixels.height());
-                    let lens = &self.rig.lens;
-                    if (w, h) != (lens.width as usize, lens.height as usize) {
-                        let action = format!(
-                            "frame {}: the picture is {w} x {h}, must be {} x {} as {} says",
-                            frame.sequence,
-                            lens.width,
-                            lens.height,
-                            Topic::Calibration.name()
-                        );
-                        return Err(DeviceError::new(&self.device, action, ErrorKind::Refused));
-                    }
-                    self.given += 1;
-                    return Ok(frame);
-                }
-                Err(why) => {
-                    self.reader.count_bad_message();
-                    tracing::warn!("{}: {}: {why}", self.device, message.topic.name());
-                }
-            }
-        }
-        Err(self.ended())
+        self.given += 1;
+        Ok(frame)
     }
 
     fn set_exposures(&mut self, _exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
@@ -280,10 +295,15 @@ impl<R: Read + Seek + Send> FrameSource for ReplaySource<R> {
     fn truth(&mut self) -> Option<Truth> {
         self.truth.clone()
     }
+
+    fn delivers_at_once(&self) -> bool {
+        true
+    }
 }
 
 /// The IMU of a recording; reads the file by itself.
 pub struct ReplayImu<R> {
+    device: String,
     reader: RecordingReader<R>,
     truth: Option<ImuTruth>,
     next: Option<ImuSample>,
@@ -294,7 +314,7 @@ impl<R: Read + Seek> ReplayImu<R> {
     /// Finds the first sample and the truth before it.
     pub fn new(device: &str, source: R) -> Result<Self, DeviceError> {
         let reader = RecordingReader::open(device, source)?;
-        let mut imu = Self { reader, truth: None, next: None, last: None };
+        let mut imu = Self { device: device.to_owned(), reader, truth: None, next: None, last: None };
         imu.advance()?;
         Ok(imu)
     }
@@ -321,16 +341,24 @@ impl<R: Read + Seek> ReplayImu<R> {
 }
 
 impl<R: Read + Seek + Send> ImuSource for ReplayImu<R> {
-    fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError> {
-        while let Some(sample) = self.next.filter(|s| s.t <= until) {
-            out.push(sample);
-            self.advance()?;
+    fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
+        let Some(sample) = self.next else {
+            let action = "the recording holds no more inertial samples";
+            return Err(DeviceError::new(&self.device, action, ErrorKind::Ended));
+        };
+        if sample.t > deadline {
+            return Err(DeviceError::again());
         }
-        Ok(())
+        self.advance()?;
+        Ok(sample)
     }
 
     fn imu_truth(&self) -> Option<ImuTruth> {
         self.truth
+    }
+
+    fn delivers_at_once(&self) -> bool {
+        true
     }
 }
 

@@ -5,6 +5,9 @@
 pub struct Timestamp(pub i64);
 
 impl Timestamp {
+    /// Later than all times.
+    pub const NEVER: Self = Self(i64::MAX);
+
     /// From seconds.
     pub fn from_seconds(seconds: f64) -> Self {
         Self((seconds * 1e9).round() as i64)

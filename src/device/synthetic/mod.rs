@@ -13,7 +13,7 @@ pub mod motion;
 pub mod options;
 mod paint;
 mod picture;
-mod random;
+pub(crate) mod random;
 mod room;
 mod rough;
 mod shapes;
@@ -177,15 +177,18 @@ impl SyntheticSource {
 }
 
 impl FrameSource for SyntheticSource {
-    fn next_frame(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+    fn next(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
         if self.next >= self.options.frames {
             let action = format!("frame {}: there are {} frames", self.next, self.options.frames);
             return Err(DeviceError::new(&self.device, action, ErrorKind::Ended));
         }
         let sequence = self.next;
-        self.next += 1;
         let seconds = START_S + sequence as f64 / self.options.fps;
         let t_mid = Timestamp::from_seconds(seconds);
+        if t_mid > deadline {
+            return Err(DeviceError::again());
+        }
+        self.next += 1;
         let exposure = self.options.exposures[(sequence % self.options.exposures.len() as u64) as usize];
         let world_from_camera = self.trajectory.world_from_camera(seconds);
         let pixels = self.shot(world_from_camera, exposure, sequence).take(&self.quantiser);
@@ -239,5 +242,9 @@ impl FrameSource for SyntheticSource {
 
     fn truth(&mut self) -> Option<Truth> {
         self.truth.clone()
+    }
+
+    fn delivers_at_once(&self) -> bool {
+        true
     }
 }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::math::pose::Pose;
 use crate::model::{imu::ImuSample, time::Timestamp};
-use crate::{DeviceError, ImuSource, ImuTruth};
+use crate::{DeviceError, ErrorKind, ImuSource, ImuTruth};
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -121,28 +121,33 @@ impl SyntheticImu {
 }
 
 impl ImuSource for SyntheticImu {
-    fn samples_until(&mut self, until: Timestamp, out: &mut Vec<ImuSample>) -> Result<(), DeviceError> {
-        loop {
-            let t = self.start_s + self.next as f64 / IMU_RATE_HZ;
-            let stated = Timestamp::from_seconds(t + self.truth.time_offset_s);
-            if t > self.end_s || stated > until {
-                return Ok(());
-            }
-            let (rate, force) = self.trajectory.felt(t);
-            let noise = |channel: u64, scale: f64| {
-                DVec3::from_array(std::array::from_fn(|axis| {
-                    scale * normal([self.seed ^ 0x6a0, channel + 2 * axis as u64, self.next])
-                }))
-            };
-            let gyro = rate + DVec3::from(self.truth.gyro_bias_rad_s) + noise(0, self.truth.gyro_noise_rad_s);
-            let accel =
-                force + DVec3::from(self.truth.accel_bias_m_s2) + noise(1, self.truth.accel_noise_m_s2);
-            out.push(ImuSample { t: stated, gyro_rad_s: gyro.to_array(), accel_m_s2: accel.to_array() });
-            self.next += 1;
+    fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
+        let t = self.start_s + self.next as f64 / IMU_RATE_HZ;
+        let stated = Timestamp::from_seconds(t + self.truth.time_offset_s);
+        if t > self.end_s {
+            let action = format!("sample {}: the last one was given", self.next);
+            return Err(DeviceError::new("synthetic IMU", action, ErrorKind::Ended));
         }
+        if stated > deadline {
+            return Err(DeviceError::again());
+        }
+        let (rate, force) = self.trajectory.felt(t);
+        let noise = |channel: u64, scale: f64| {
+            DVec3::from_array(std::array::from_fn(|axis| {
+                scale * normal([self.seed ^ 0x6a0, channel + 2 * axis as u64, self.next])
+            }))
+        };
+        let gyro = rate + DVec3::from(self.truth.gyro_bias_rad_s) + noise(0, self.truth.gyro_noise_rad_s);
+        let accel = force + DVec3::from(self.truth.accel_bias_m_s2) + noise(1, self.truth.accel_noise_m_s2);
+        self.next += 1;
+        Ok(ImuSample { t: stated, gyro_rad_s: gyro.to_array(), accel_m_s2: accel.to_array() })
     }
 
     fn imu_truth(&self) -> Option<ImuTruth> {
         Some(self.truth)
+    }
+
+    fn delivers_at_once(&self) -> bool {
+        true
     }
 }

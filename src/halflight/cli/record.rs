@@ -7,7 +7,7 @@ use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Truth, open};
 use crate::lab::digest::PixelDigest;
-use crate::model::frame::Exposure;
+use crate::model::{frame::Exposure, time::Timestamp};
 use std::path::{Path, PathBuf};
 
 /// How pictures are stored.
@@ -96,8 +96,11 @@ pub fn pump(
     let mut samples = Vec::new();
     let mut first = None;
     while limit.frames.is_none_or(|most| seen.frames < most) {
-        let deadline = clock.now().plus_seconds(PATIENCE_S);
-        let frame = match frames.next_frame(deadline) {
+        let deadline = match frames.delivers_at_once() {
+            true => Timestamp::NEVER,
+            false => clock.now().plus_seconds(PATIENCE_S),
+        };
+        let frame = match frames.next(deadline) {
             Ok(frame) => frame,
             Err(error) if error.kind == ErrorKind::Ended => break,
             Err(error) => return Err(error.into()),

@@ -27,7 +27,7 @@ impl<'a> Lockstep<'a> {
 
 impl Feed for Lockstep<'_> {
     fn next_event(&mut self) -> Event {
-        match self.source.next_frame(Timestamp(i64::MAX)) {
+        match self.source.next(Timestamp(i64::MAX)) {
             Ok(frame) => {
                 self.clock.wait_until(frame.t_mid);
                 let truth = self.source.truth().map(Box::new);
@@ -76,7 +76,7 @@ impl Realtime {
         let capture = std::thread::spawn(move || {
             let mut first: Option<(Timestamp, Timestamp)> = None;
             loop {
-                let result = source.next_frame(Timestamp(i64::MAX));
+                let result = source.next(Timestamp(i64::MAX));
                 if let (Ok(frame), Some(clock)) = (&result, pace.as_mut()) {
                     let (frame_zero, clock_zero) = *first.get_or_insert((frame.t_mid, clock.now()));
                     clock.wait_until(clock_zero.plus_seconds(frame.t_mid.seconds_since(frame_zero)));
@@ -158,7 +158,7 @@ mod tests {
     }
 
     impl FrameSource for OnDemand {
-        fn next_frame(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        fn next(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
             self.asked.send(self.given).unwrap();
             self.tokens.recv().map_err(|_closed| DeviceError::new("test", "end", ErrorKind::Ended))??;
             self.given += 1;
