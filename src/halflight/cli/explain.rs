@@ -31,7 +31,7 @@ pub struct ExplainArguments {
     /// Scene file with the virtual objects of a recording.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Which frame of a recording, from 0; those before it are run, too [default: the last].
+    /// Which frame of a recording, counted from 0 [default: the last]. The frames before it are run, too.
     #[arg(long, value_name = "N")]
     frame: Option<u64>,
     /// Settings file; what is given on the command line wins.

@@ -49,10 +49,10 @@ pub struct RecordArguments {
     /// The recording to write (MCAP).
     #[arg(long, value_name = "FILE.mcap")]
     out: PathBuf,
-    /// Stop after so many seconds of the camera's time.
+    /// Stop after this many seconds of the camera's time.
     #[arg(long)]
     seconds: Option<f64>,
-    /// Stop after so many frames.
+    /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
     /// How pictures are stored (default: --jpeg 93).

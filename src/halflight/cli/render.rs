@@ -34,21 +34,21 @@ pub struct RenderArguments {
     /// Where to write: .exr (linear radiance, 32-bit float) or .png (8 bits through sRGB).
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Which image of the case: its objects are present, its emitters shine. Images called ratio and diff_*
-    /// give the ratio to, and the difference from, the picture without objects.
+    /// Which image of the case: its objects are present, its emitters shine. An image called ratio is the picture over the
+    /// picture without objects; one called diff_* is the difference of the two.
     #[arg(long, value_name = "NAME")]
     pub image: Option<String>,
     /// Print the errors against the case's own picture, overall and inside its masks.
     #[arg(long)]
     pub compare: bool,
-    /// Exposure of the PNG: radiance times this many seconds is what the response turns into 8 bits
-    /// [default: such that nine tenths of the picture lie below 0.8].
+    /// Exposure of the PNG: the response turns radiance times this many seconds into 8 bits
+    /// [default: nine tenths of the picture lie below 0.8].
     #[arg(long, value_name = "SECONDS")]
     pub exposure_s: Option<f64>,
     /// Columns of the picture of a case, with rows and focal lengths in proportion [default: the case's own].
     #[arg(long, value_name = "PX", conflicts_with = "compare")]
     pub width_px: Option<u32>,
-    /// Draw so many times more and report the median time of each pass.
+    /// Draw this many times more, and report the median time of each pass.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub repeat: usize,
     /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.

@@ -49,32 +49,32 @@ pub struct TraceArguments {
     /// Scene file (TOML), or reference case (JSON, or the folder with case.json).
     #[arg(value_name = "SCENE|CASE")]
     pub input: PathBuf,
-    /// Folder to write to; made where there is none.
+    /// Folder to write to. It is made where it is missing.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Which image of the case: its objects are present, its emitters shine.
     #[arg(long, value_name = "NAME")]
     pub image: Option<String>,
-    /// Samples of each pixel; at most so many where --noise is given.
+    /// Samples of each pixel. Where --noise is given, at most this many.
     #[arg(long, value_name = "N", default_value_t = TraceSettings::default().samples)]
     pub samples: u32,
     /// Samples of each pixel that are stratified together: a power of two. The noise is known from two passes on
     /// [default: 64, or half of --samples where that is less].
     #[arg(long, value_name = "N")]
     pub samples_a_pass: Option<u32>,
-    /// How often light may be reflected diffusely beyond once; 0: direct light.
+    /// How many more times light may be reflected after the first time. 0: direct light only.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub bounces: u32,
     /// Stop when noise adds less than this to a relative RMSE of the ratio in the shadow, such as 0.005.
     #[arg(long, value_name = "SHARE")]
     pub noise: Option<f64>,
-    /// Another seed, other noise.
+    /// Seed of the random numbers: another seed gives other noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
     /// Trace only every k-th pixel of every k-th row.
     #[arg(long, value_name = "K", default_value_t = 1)]
     pub step_px: u32,
-    /// Go on from DIR/trace.checkpoint, where there is one.
+    /// Go on from DIR/trace.checkpoint where there is one.
     #[arg(long)]
     pub resume: bool,
 }

@@ -35,19 +35,19 @@ pub struct TradeoffArguments {
     /// Scene file that is drawn into recordings (repeatable).
     #[arg(long, value_name = "FILE")]
     pub scene: Vec<PathBuf>,
-    /// Settings file that everything starts from; accuracy that is named there is taken as the default.
+    /// Settings file that everything starts from. Accuracy that is named there is taken as the default.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// The frame of a recording, counted from 1.
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..))]
     pub frame: u64,
-    /// Folder for the results; it is made where it is missing.
+    /// Folder for the results. It is made where it is missing.
     #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
     pub out: PathBuf,
-    /// Fewer values, rounds and tries: ends within 2 minutes on two cores.
+    /// Fewer values, rounds and tries: takes less than 2 minutes on two cores.
     #[arg(long)]
     pub quick: bool,
-    /// How often each point is timed [default: 7, with --quick 3].
+    /// How many times each point is timed [default: 7, with --quick 3].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub rounds: Option<u32>,
     /// Settings tried in search of the front [default: 200, with --quick 24].

@@ -44,31 +44,32 @@ pub struct ReplayArguments {
     /// Settings file; what is given on the command line wins.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Folder for the results; it is made where it is missing.
+    /// Folder for the results. It is made where it is missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Stop after this many frames.
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
-    /// As time passes instead of frame by frame: the newest frame wins.
+    /// Run in real time: where frames come faster than they can be drawn, the newest one is taken.
     #[arg(long)]
     realtime: bool,
     /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
-    /// Lay text over every picture: each effect, whether it is on, kept or off, and why.
+    /// Write over every picture which effects are on, kept or off, and why.
     #[arg(long)]
     hud: bool,
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
-    /// A frame may take so long, milliseconds: the governor walks along the measured front to the settings that err least.
+    /// Time that a frame may take, in milliseconds. The governor walks along the measured front to the most accurate settings
+    /// that keep it.
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
-    /// The same as a rate, pictures a second.
+    /// The same as a rate: pictures a second.
     #[arg(long, value_name = "FPS")]
     target_fps: Option<f64>,
-    /// The error of shadows may be so large: the cheapest settings of the front that keep it.
+    /// Error that shadows may have. The governor takes the cheapest settings of the front that keep it.
     #[arg(long, value_name = "ERROR")]
     max_error: Option<f64>,
     #[command(flatten)]
