@@ -70,9 +70,11 @@ impl CaseStills {
         let emitters = case.emitters(Some(image))?;
         let shining = emitters::ready(case, &emitters)?;
         let background = place::shade(case, &scene, &shining);
-        let mut far = far_light(case, &scene, shining)?;
-        far.above_horizon = faces_up(&scene);
         let room = known_room(case, &emitters, &mut scene)?;
+        let far = match room {
+            Some(_) => FarLight::dark(),
+            None => FarLight { above_horizon: faces_up(&scene), ..far_light(case, &scene, shining)? },
+        };
         let quantity = match image {
             "ratio" => Quantity::Ratio,
             _ if image.starts_with("diff_") => Quantity::Difference,
