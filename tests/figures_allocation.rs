@@ -23,10 +23,11 @@ fn updates_allocate_nothing() {
     scene.figures.push(second);
     scene.figures[0].playing = Some(Playing { clip: 1, from_s: 0.0, speed: 1.0, looped: true });
     let mut posed = Posed::new(&scene);
-    let before = sys::allocations();
-    for step in 0..50 {
-        posed.update(&scene, f64::from(step) / 30.0);
-    }
-    assert_eq!(sys::allocations() - before, 0);
+    let counted = sys::allocated(|| {
+        for step in 0..50 {
+            posed.update(&scene, f64::from(step) / 30.0);
+        }
+    });
+    assert_eq!(counted.count, 0, "{counted}");
     assert!(posed.objects()[0].moved && !posed.objects()[1].moved);
 }

@@ -9,7 +9,7 @@ use golden::{Check, Entry, Precision, numbers};
 use halflight::math::rigid::{self, Quaternion, Rigid};
 use halflight::math::sh::{MAX_COEFFICIENTS, basis, product, project, zonal};
 use halflight::math::{charts, mirror_ball, quadrature, sphere, vector::Vector};
-use halflight::track::align::{self, View};
+use halflight::track::align::{self, MapView};
 
 fn sh<T: Precision>(entry: &Entry) {
     let order = entry.count("order");
@@ -240,8 +240,8 @@ fn align_<T: Precision>(entry: &Entry) {
         "align.five_views" | "align.noisy" => {
             let (known, map) = (entry.list::<T>("p_marker"), entry.list::<T>("p_slam"));
             let pairs = known.chunks_exact(3).zip(map.chunks_exact(3));
-            let views: Vec<View<T>> = pairs
-                .map(|(p, q)| View { known_m: Vector::from_slice(p), map: Vector::from_slice(q) })
+            let views: Vec<MapView<T>> = pairs
+                .map(|(p, q)| MapView { known_m: Vector::from_slice(p), map: Vector::from_slice(q) })
                 .collect();
             let turn = Rigid::from_columns(&columns("R"), Vector::zero()).rotation;
             let pair = [views[0], views[1]];

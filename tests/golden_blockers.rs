@@ -13,6 +13,7 @@ use halflight::math::sh::{
     lanes::{Lane, LaneSh, add_zonal, guard, nothing, product},
     log_exp, soft_directions,
 };
+use halflight::math::{dice::Dice, spiral};
 use halflight::{
     model::blocker::{BlockerSphere, Rung},
     visibility::blockers::Blockers,
@@ -154,7 +155,7 @@ fn dirs<T: Precision>(entry: &Entry) {
     let mut v = vec![T::zero(); order * order];
     let mut y = [T::zero(); MAX_COEFFICIENTS];
     for j in 0..count {
-        let direction = soft_directions::direction(j, count).map(T::of);
+        let direction = spiral::direction(j, count).to_array().map(T::of);
         let open = ramps.iter().fold(T::one(), |open, ramp| open * ramp.at(direction).0[0]);
         basis::evaluate(order, direction, &mut y);
         for (v, y) in v.iter_mut().zip(y) {
@@ -211,44 +212,28 @@ fn blockers_match_the_golden_numbers() {
     );
 }
 
-/// Repeatable random numbers.
-struct Random(u64);
-
-impl Random {
-    /// In [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// With a variance of 1.
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.next()).ln()).sqrt() * (std::f64::consts::TAU * self.next()).cos()
-    }
-
-    /// Uniform on the upper half of the sphere.
-    fn upper(&mut self) -> [f64; 3] {
-        let (z, phi) = (self.next(), std::f64::consts::TAU * self.next());
-        let sine = (1.0 - z * z).sqrt();
-        [sine * phi.cos(), sine * phi.sin(), z]
-    }
+/// A direction by chance, evenly on the upper half of the sphere.
+fn upper(dice: &mut Dice) -> [f64; 3] {
+    let (z, phi) = (dice.unit(), std::f64::consts::TAU * dice.unit());
+    let sine = (1.0 - z * z).sqrt();
+    [sine * phi.cos(), sine * phi.sin(), z]
 }
 
 /// The file's scenes: spheres at a distance of 1 m. `spread`: uniform on the upper hemisphere, 5 to 30 degrees;
 /// `clustered`: about a random axis, 5 to 25 degrees.
-fn scene(random: &mut Random, clustered: bool, count: usize) -> Vec<BlockerSphere> {
-    let axis = random.upper();
+fn scene(dice: &mut Dice, clustered: bool, count: usize) -> Vec<BlockerSphere> {
+    let axis = upper(dice);
     (0..count)
         .map(|_| {
-            let mut centre = random.upper();
+            let mut centre = upper(dice);
             let mut most = 30.0;
             if clustered {
                 most = 25.0;
-                centre = axis.map(|v| v + 0.45 * random.normal());
+                centre = axis.map(|v| v + 0.45 * dice.normal());
                 centre[2] = centre[2].abs();
             }
             let centre = glam::DVec3::from_array(centre).normalize().as_vec3();
-            let half_angle = (5.0 + (most - 5.0) * random.next()).to_radians();
+            let half_angle = (5.0 + (most - 5.0) * dice.unit()).to_radians();
             BlockerSphere { centre_world: centre, radius_m: half_angle.sin() as f32, body: 0 }
         })
         .collect()
@@ -275,17 +260,17 @@ fn ladder(order: usize, clustered: bool) -> [[f64; 5]; 8] {
     let mut y = [0.0; MAX_COEFFICIENTS];
     let nodes: Vec<(Vec3, [f64; MAX_COEFFICIENTS])> = (0..TRUTH_DIRECTIONS)
         .map(|j| {
-            let direction = soft_directions::direction(j, TRUTH_DIRECTIONS);
+            let direction = spiral::direction(j, TRUTH_DIRECTIONS).to_array();
             basis::evaluate(order, direction, &mut y);
             (glam::DVec3::from_array(direction).as_vec3(), y)
         })
         .collect();
     let mut errors = [[0.0; 5]; 8];
-    let mut random = Random(11);
+    let mut dice = Dice::new(11);
     let mut blockers = Blockers::new();
     for (k, count) in COUNTS.into_iter().enumerate() {
         for _ in 0..SCENES {
-            let spheres = scene(&mut random, clustered, count);
+            let spheres = scene(&mut dice, clustered, count);
             let caps: Vec<(Vec3, f32)> =
                 spheres.iter().map(|s| (s.centre_world, (1.0 - s.radius_m * s.radius_m).sqrt())).collect();
             // 1 - B, so that the constant has no error.

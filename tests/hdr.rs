@@ -3,10 +3,11 @@
 
 mod support;
 
+use halflight::math::dice::Dice;
 use halflight::{
     assets::{case, pictures},
     hdr::{
-        attribute::{Tolerance, Verdict, attribute, check_exposures},
+        attribute::{ExposureVerdict, Tolerance, attribute, check_exposures},
         black_level::{black_level, clip_black},
         merge_bracket::{MAX_PICTURES, merge_bracket},
         response::{Origin, SolveOptions, solve},
@@ -45,7 +46,7 @@ impl Real {
         self.pictures.iter().collect()
     }
 
-    fn verdicts(&self, response: &Response, tolerance: Tolerance) -> Vec<Verdict> {
+    fn verdicts(&self, response: &Response, tolerance: Tolerance) -> Vec<ExposureVerdict> {
         let check = check_exposures(&self.refs(), &seconds(&self.times_s), response, tolerance);
         check.reports().iter().map(|r| r.verdict).collect()
     }
@@ -135,7 +136,7 @@ fn false_times_are_noticed() {
     let Some(shared) = support::shared("false_times_are_noticed") else { return };
     let real = living_room(&shared);
     let verdicts = real.verdicts(&Response::srgb(), Tolerance::GUESSED_RESPONSE);
-    assert_eq!(verdicts, [Verdict::Contradicted; 3]);
+    assert_eq!(verdicts, [ExposureVerdict::Contradicted; 3]);
     // Nor can a response be made of them.
     let recovered = solve(&real.refs(), &seconds(&real.times_s), &SolveOptions::default());
     let Origin::Fallback { why } = recovered.origin else { panic!("{:?}", recovered.origin) };
@@ -153,8 +154,8 @@ fn true_times_raise_no_alarm() {
             [(Response::srgb(), Tolerance::GUESSED_RESPONSE), (solved(real), Tolerance::KNOWN_RESPONSE)]
         {
             let verdicts = real.verdicts(&response, tolerance);
-            assert!(!verdicts.contains(&Verdict::Contradicted), "{}: {verdicts:?}", real.name);
-            let consistent = verdicts.iter().filter(|v| **v == Verdict::Consistent).count();
+            assert!(!verdicts.contains(&ExposureVerdict::Contradicted), "{}: {verdicts:?}", real.name);
+            let consistent = verdicts.iter().filter(|v| **v == ExposureVerdict::Consistent).count();
             // The three darkest of memorial share too little with the others.
             assert!(consistent >= verdicts.len().min(13), "{}: {verdicts:?}", real.name);
         }
@@ -169,7 +170,7 @@ fn a_late_statement_is_noticed_and_put_right() {
     // Each frame states the exposure of the frame before it.
     real.times_s.rotate_right(1);
     let verdicts = real.verdicts(&response, Tolerance::KNOWN_RESPONSE);
-    assert!(verdicts.contains(&Verdict::Contradicted), "{verdicts:?}");
+    assert!(verdicts.contains(&ExposureVerdict::Contradicted), "{verdicts:?}");
     for (k, frame) in real.pictures.iter().enumerate() {
         let reference = (k + 1) % 3;
         let (index, measured_s) =
@@ -208,25 +209,15 @@ fn f5_is_merged_to_its_hdr_picture() {
     }
 }
 
-/// Numbers within 0..1 that are the same every time.
-struct Chance(u64);
-
-impl Chance {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Standard normal, near enough.
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.next()).sum::<f64>() - 6.0
-    }
+/// Standard normal, near enough.
+fn normal(dice: &mut Dice) -> f64 {
+    (0..12).map(|_| dice.unit()).sum::<f64>() - 6.0
 }
 
 /// Patches of radiance over e^7, seen at these times through a response, with noise in units of 8-bit values.
 fn patches(times_s: &[f64], response: &Response, noise: f64) -> Vec<Rgb8Image> {
-    let mut chance = Chance(7);
-    let radiance: Vec<f64> = (0..40 * 30).map(|_| (7.0 * chance.next() - 3.5).exp()).collect();
+    let mut dice = Dice::new(7);
+    let radiance: Vec<f64> = (0..40 * 30).map(|_| (7.0 * dice.unit() - 3.5).exp()).collect();
     times_s
         .iter()
         .map(|t| {
@@ -235,7 +226,7 @@ fn patches(times_s: &[f64], response: &Response, noise: f64) -> Vec<Rgb8Image> {
                     let patch = (i / 160 / 4) * 40 + i % 160 / 4;
                     std::array::from_fn(|c| {
                         let z = f64::from(response.value_of(c, (radiance[patch] * t) as f32));
-                        (z + noise * chance.normal()).round().clamp(0.0, 255.0) as u8
+                        (z + noise * normal(&mut dice)).round().clamp(0.0, 255.0) as u8
                     })
                 })
                 .collect();

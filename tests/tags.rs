@@ -8,6 +8,7 @@ mod support;
 use glam::{DQuat, DVec2, DVec3};
 use golden::{Entry, Precision};
 use halflight::math::{
+    dice::Dice,
     lens::{Distortion, Lens},
     pose::Pose,
     projection::Pinhole,
@@ -271,11 +272,11 @@ fn in_both(pose: &Pose, side_m: f64, noise_px: f64) -> Option<(Minima<f64>, Mini
 /// tag of 2 px has no pose to speak of in any precision.
 #[test]
 fn poses_in_single_precision_follow_those_in_double() {
-    let mut random = Random(1);
+    let mut dice = Dice::new(1);
     for (nearest, farthest) in [(0.2, 0.5), (0.5, 1.5), (1.5, 4.0), (4.0, 10.0)] {
         let (mut off, mut lost, mut gained) = (Vec::new(), 0, 0);
         for case in 0..4000 {
-            let mut next = |from: f64, to: f64| from + (to - from) * random.next();
+            let mut next = |from: f64, to: f64| dice.between(from, to);
             let solved = std::iter::repeat_with(|| {
                 let direction = DVec3::new(next(-0.5, 0.5), next(-0.35, 0.35), 1.0);
                 let truth = tilted(
@@ -311,17 +312,6 @@ fn poses_in_single_precision_follow_those_in_double() {
         assert!(off[2000] < 2e-4 && off[3960] < 8e-3, "{band}: {:e} {:e}", off[2000], off[3960]);
         assert!(off[3996] < 6e-2, "{band}: {:e}", off[3996]);
         assert!(lost == 0 && gained <= 8, "{band}: {lost} second minima lost, {gained} gained");
-    }
-}
-
-/// Repeatable random numbers.
-struct Random(u64);
-
-impl Random {
-    /// Evenly in [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

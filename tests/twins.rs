@@ -20,6 +20,7 @@ use halflight::{
     },
     hdr::merge_bracket::merge_bracket,
     math::{
+        dice::Dice,
         lens::{Distortion, Lens},
         pose::Pose,
         sh::basis,
@@ -43,25 +44,15 @@ use halflight::{
 
 use glam::{DVec3, Vec3};
 
-/// A small generator with a fixed seed (64-bit linear congruential, upper bits).
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1 << 24) as f32
-    }
-}
-
 fn merge_matches(engine: &mut GpuEngine) {
-    let mut dice = Dice(1);
+    let mut dice = Dice::new(1);
     // Not a multiple of 4 pixels, so that the last word is padded.
     let (width, height) = (161, 119);
     for count in [1usize, 3, 9] {
         let mut pictures: Vec<Rgb8Image> = (0..count)
             .map(|_| {
                 let pixels = (0..width * height)
-                    .map(|_| [(); 3].map(|()| (dice.next() * 300.0 - 22.0).clamp(0.0, 255.0) as u8))
+                    .map(|_| [(); 3].map(|()| (dice.unit_f32() * 300.0 - 22.0).clamp(0.0, 255.0) as u8))
                     .collect();
                 Rgb8Image::from_pixels(width, height, pixels).expect("as many as were made")
             })
@@ -98,14 +89,15 @@ fn merge_matches(engine: &mut GpuEngine) {
 }
 
 fn projection_matches_and_repeats(engine: &mut GpuEngine) {
-    let mut dice = Dice(2);
+    let mut dice = Dice::new(2);
     for (count, order) in [(1usize, 6usize), (255, 2), (5000, 4), (70_001, 6)] {
         let mut samples = RadianceSamples::default();
         for _ in 0..count {
-            let d = glam::Vec3::new(dice.next() - 0.5, dice.next() - 0.5, dice.next() - 0.5).normalize();
-            samples.directions.push([d.x, d.y, d.z, dice.next() * 1e-3]);
-            let bright = if dice.next() > 0.999 { 1e5 } else { 1.0 };
-            samples.radiance.push([dice.next() * bright, dice.next(), dice.next(), 0.0]);
+            let d = glam::Vec3::new(dice.unit_f32() - 0.5, dice.unit_f32() - 0.5, dice.unit_f32() - 0.5)
+                .normalize();
+            samples.directions.push([d.x, d.y, d.z, dice.unit_f32() * 1e-3]);
+            let bright = if dice.unit_f32() > 0.999 { 1e5 } else { 1.0 };
+            samples.radiance.push([dice.unit_f32() * bright, dice.unit_f32(), dice.unit_f32(), 0.0]);
         }
         let device = engine.project_sh(&samples, order).expect("sums");
         let mut exact = [[0.0f64; 3]; 36];
@@ -201,14 +193,14 @@ impl Shot {
         let (width, height) = (160, 120);
         let focal = if matches!(distortion, Distortion::Equidistant(_)) { 90.0 } else { 170.0 };
         let lens = Lens { distortion, ..Lens::pinhole(width, height, focal, focal, 81.0, 59.0) };
-        let mut dice = Dice(3);
+        let mut dice = Dice::new(3);
         let mut background = HdrImage::default();
         background.radiance.reshape(width as usize, height as usize, [0.0; 3]);
         background.flags.reshape(width as usize, height as usize, 0);
-        background.radiance.pixels_mut().fill_with(|| [(); 3].map(|()| 0.2 + 0.6 * dice.next()));
+        background.radiance.pixels_mut().fill_with(|| [(); 3].map(|()| 0.2 + 0.6 * dice.unit_f32()));
         let mut global = RadianceSh::zero(5);
         for (i, row) in global.rgb[..25].iter_mut().enumerate() {
-            *row = [(); 3].map(|()| (dice.next() - 0.5) * 0.3 + if i == 0 { 1.3 } else { 0.0 });
+            *row = [(); 3].map(|()| (dice.unit_f32() - 0.5) * 0.3 + if i == 0 { 1.3 } else { 0.0 });
         }
         let mut light = Lights::soft(global);
         light.hard.push(HardLight {

@@ -2,13 +2,14 @@
 //! picture of receivers on a plane.
 
 use glam::Vec3;
+use halflight::math::dice::Dice;
 use halflight::{
     math::sh::{
         lanes::{self, Lane, LaneSh},
         log_exp, product,
     },
     model::blocker::{BlockerSphere, Rung},
-    visibility::blockers::{Blockers, LANES, Plane},
+    visibility::blockers::{BlockedPlane, Blockers, LANES},
 };
 use rayon::prelude::*;
 use std::{hint::black_box, time::Instant};
@@ -28,24 +29,14 @@ fn least_s(runs: usize, mut work: impl FnMut()) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Repeatable numbers in [0, 1).
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1u64 << 24) as f32
-    }
-}
-
 /// A body of spheres that stands on the plane z = 0.
 fn figure(count: usize) -> Vec<BlockerSphere> {
-    let mut numbers = Numbers(7);
+    let mut dice = Dice::new(7);
     (0..count)
         .map(|i| {
             let height = 0.1 + 0.9 * (i as f32 + 0.5) / count as f32;
-            let centre = Vec3::new(0.4 * numbers.next() - 0.2, 0.4 * numbers.next() - 0.2, height);
-            BlockerSphere { centre_world: centre, radius_m: 0.07 + 0.08 * numbers.next(), body: 0 }
+            let centre = Vec3::new(0.4 * dice.unit_f32() - 0.2, 0.4 * dice.unit_f32() - 0.2, height);
+            BlockerSphere { centre_world: centre, radius_m: 0.07 + 0.08 * dice.unit_f32(), body: 0 }
         })
         .collect()
 }
@@ -67,9 +58,9 @@ fn transfer() -> [[f32; 3]; 36] {
 /// Nanoseconds of a product: plain, and a lane's share in batches of [`LANES`] and of 16.
 fn product_ns<const N: usize>() -> [f64; 3] {
     const ROUNDS: usize = 20_000;
-    let mut numbers = Numbers(3);
-    let mut f: [f32; 36] = std::array::from_fn(|_| numbers.next() - 0.5);
-    let g: [f32; 36] = std::array::from_fn(|_| numbers.next() - 0.5);
+    let mut dice = Dice::new(3);
+    let mut f: [f32; 36] = std::array::from_fn(|_| dice.unit_f32() - 0.5);
+    let g: [f32; 36] = std::array::from_fn(|_| dice.unit_f32() - 0.5);
     let mut out = [0.0; 36];
     let plain = least_s(9, || {
         for _ in 0..ROUNDS / 4 {
@@ -162,7 +153,7 @@ fn plane_ms(
     out: &mut [[f32; 3]],
     runs: usize,
 ) -> f64 {
-    let mut plane = Plane::default();
+    let mut plane = BlockedPlane::default();
     blockers.plane(Vec3::Z, None, &transfer(), &mut plane);
     let ms = 1e3
         * least_s(runs, || {

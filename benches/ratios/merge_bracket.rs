@@ -6,7 +6,7 @@ use halflight::{
         merge_bracket::{merge_bracket, weight},
         sliding::SlidingMerge,
     },
-    math::{lens::Lens, pose::Pose},
+    math::{dice::Dice, lens::Lens, pose::Pose},
     model::{
         frame::{Exposure, RawFrame},
         image::{HdrImage, Rgb8Image},
@@ -52,7 +52,7 @@ fn time_ms(runs: usize, mut work: impl FnMut()) -> (f64, f64) {
 
 /// A view with every brightness, at the exposure times `times_s`, with a little noise.
 fn bracket(width: usize, height: usize, times_s: &[f32], response: &Response) -> Vec<Rgb8Image> {
-    let mut state = 1u32;
+    let mut dice = Dice::new(1);
     times_s
         .iter()
         .map(|&t| {
@@ -60,8 +60,7 @@ fn bracket(width: usize, height: usize, times_s: &[f32], response: &Response) ->
                 .map(|i| {
                     let (x, y) = ((i % width) as f32 / width as f32, (i / width) as f32 / height as f32);
                     std::array::from_fn(|c| {
-                        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                        let noise = (state >> 16) as f32 / 65_536.0 - 0.5;
+                        let noise = dice.unit_f32() - 0.5;
                         let radiance = (-3.0 + 9.0 * x * y + c as f32 * 0.2).exp();
                         (response.value_of(c, radiance * t) + 4.0 * noise).round().clamp(0.0, 255.0) as u8
                     })

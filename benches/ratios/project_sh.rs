@@ -3,11 +3,10 @@
 use glam::DVec3;
 use halflight::{
     light::{
-        fill::spiral_direction,
         project_sh::project_sh,
         unwrap_ball::{BallShot, BallUnwrapper},
     },
-    math::{lens::Lens, pose::Pose, sh::basis::evaluate, sphere::reflect_off_sphere},
+    math::{lens::Lens, pose::Pose, sh::basis::evaluate, sphere::reflect_off_sphere, spiral},
     model::{
         image::{HdrImage, Image, LOWER_BOUND},
         light::RadianceSamples,
@@ -48,7 +47,7 @@ fn time_ms(runs: usize, mut work: impl FnMut()) -> f64 {
 fn samples(count: usize) -> RadianceSamples {
     let mut samples = RadianceSamples::default();
     for j in 0..count {
-        let d = spiral_direction(j, count).as_vec3();
+        let d = spiral::direction(j, count).as_vec3();
         samples.directions.push([d.x, d.y, d.z, 12.566_371 / count as f32]);
         samples.radiance.push([1.0 + d.x, 1.0 + d.y, 1.5, 0.0]);
     }

@@ -11,6 +11,7 @@ pub mod kept;
 pub mod kept_room;
 pub mod known_room;
 pub mod mapped_probe;
+pub mod near_word;
 pub mod normals;
 pub mod obj;
 pub mod pictures;

@@ -17,10 +17,11 @@
 //! * **After an error** other than `Again` the source may be dropped and nothing else; dropping closes the device, is quick,
 //!   and does not panic.
 
-use halflight_core::model;
+use halflight_core::{hdr, model};
 use halflight_math as math;
 
 pub mod clock;
+pub mod developed;
 pub mod error;
 pub mod fake;
 pub mod open;

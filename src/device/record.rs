@@ -14,9 +14,9 @@ use std::io::{BufWriter, Seek, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The file behind a frame tee and an IMU tee.
-pub struct Tape<W: Write + Seek = BufWriter<File>>(Arc<Mutex<State<W>>>);
+pub struct Tape<W: Write + Seek = BufWriter<File>>(Arc<Mutex<TapeState<W>>>);
 
-struct State<W: Write + Seek> {
+struct TapeState<W: Write + Seek> {
     writer: Option<RecordingWriter<W>>,
     failure: Option<DeviceError>,
 }
@@ -30,13 +30,13 @@ impl<W: Write + Seek> Clone for Tape<W> {
 impl<W: Write + Seek> Tape<W> {
     /// Takes a writer.
     pub fn new(writer: RecordingWriter<W>) -> Self {
-        Self(Arc::new(Mutex::new(State { writer: Some(writer), failure: None })))
+        Self(Arc::new(Mutex::new(TapeState { writer: Some(writer), failure: None })))
     }
 
     /// Writes unless something failed before; the first failure is kept for `finish`.
     fn write(&self, action: impl FnOnce(&mut RecordingWriter<W>) -> Result<(), DeviceError>) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let State { writer, failure } = &mut *state;
+        let TapeState { writer, failure } = &mut *state;
         if failure.is_none()
             && let Some(Err(error)) = writer.as_mut().map(action)
         {

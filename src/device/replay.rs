@@ -62,9 +62,9 @@ impl ReplayOptions {
 /// Opens a recording: its camera, and its IMU where it holds one.
 pub fn open(
     options: &ReplayOptions,
-) -> Result<(ReplaySource<Opened>, Option<ReplayImu<Opened>>), DeviceError> {
+) -> Result<(ReplaySource<RecordingFile>, Option<ReplayImu<RecordingFile>>), DeviceError> {
     let device = format!("replay:{}", options.path.display());
-    let file = || -> Result<Opened, DeviceError> {
+    let file = || -> Result<RecordingFile, DeviceError> {
         let file = File::open(&options.path)
             .map_err(|e| DeviceError::new(&device, "open the file", ErrorKind::Refused).because(e))?;
         Ok(BufReader::new(file))
@@ -76,8 +76,8 @@ pub fn open(
     Ok((source, imu))
 }
 
-/// A file as opened by `open`.
-pub type Opened = BufReader<File>;
+/// A recording as `open` opens it.
+pub type RecordingFile = BufReader<File>;
 
 /// The camera of a recording.
 pub struct ReplaySource<R> {

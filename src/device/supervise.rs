@@ -68,7 +68,7 @@ impl Budget {
         }
         let budget = Self { waits_s };
         let longest = budget.seconds(Wait::Open).max(budget.seconds(Wait::Item)) + DEADLINE_SLACK_S;
-        if budget.seconds(Wait::Stop) < longest {
+        if budget.seconds(Wait::Stop) < longest * (1.0 - 1e-12) {
             return refuse(format!(
                 "Stop = {} s must be at least {longest} s, the longest call of a device",
                 budget.seconds(Wait::Stop)

@@ -3,7 +3,7 @@
 pub mod bvh;
 pub mod charts;
 pub mod color;
-pub mod edit_distance;
+pub mod dice;
 pub mod lens;
 pub mod mirror_ball;
 pub mod octahedral;
@@ -14,5 +14,6 @@ pub mod rigid;
 pub mod sh;
 pub mod solve;
 pub mod sphere;
+pub mod spiral;
 pub mod vector;
 pub mod widest;

@@ -4,7 +4,7 @@ use crate::engines;
 use halflight::{
     engine::{Bracket, Engine, EngineError},
     hdr::{
-        attribute::{Tolerance, Verdict, check_exposures},
+        attribute::{ExposureVerdict, Tolerance, check_exposures},
         response::{Origin, SolveOptions, solve},
     },
     model::{
@@ -179,7 +179,7 @@ fn exchanged_times_are_contradicted() {
     let exchanged =
         check_exposures(&pictures, &seconds(&[0.2, 0.0125, 0.05]), &response, Tolerance::KNOWN_RESPONSE);
     assert!(!exchanged.sound());
-    assert!(exchanged.reports().iter().any(|r| r.verdict == Verdict::Contradicted));
+    assert!(exchanged.reports().iter().any(|r| r.verdict == ExposureVerdict::Contradicted));
     let nonsense =
         check_exposures(&pictures, &seconds(&[0.0, f64::NAN, -1.0]), &response, Tolerance::KNOWN_RESPONSE);
     assert!(!nonsense.sound());

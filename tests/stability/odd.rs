@@ -19,7 +19,7 @@ use halflight::{
         response::Response,
         scene::{Material, Mesh, Scene},
     },
-    stress::stage::{Stage, ground, object, sun, uniform},
+    stress::stage::{StressStage, ground, object, sun, uniform},
     track::tag::{TagDetector, TagOptions, gray_of},
     visibility::{fit_spheres, openness, proxies::Proxies, shadow_maps::ShadowCamera},
 };
@@ -130,7 +130,7 @@ pub fn all(engine: &mut dyn Engine) {
         for (what, objects, surfaces) in scenes {
             let scene = Scene { objects, surfaces, ..Scene::default() };
             for samples in [1, 4] {
-                let mut stage = Stage { size_px: [16, 12], ..Stage::new(scene.clone(), light) };
+                let mut stage = StressStage { size_px: [16, 12], ..StressStage::new(scene.clone(), light) };
                 stage.quality.coverage_samples = samples;
                 let picture = stage.draw(engine).expect("a sound frame").radiance;
                 for c in picture.pixels().as_flattened() {

@@ -12,12 +12,12 @@ use halflight::{
         quality::Quality,
         scene::{Material, Scene},
     },
-    stress::stage::{ORDER, Stage, ground, object, object_over_ground, spheres, sun, uniform},
+    stress::stage::{ORDER, StressStage, ground, object, object_over_ground, spheres, sun, uniform},
 };
 
 const WHITE: Material = Material::Lambert { albedo_rgb: [1.0; 3] };
 
-fn draw(engine: &mut dyn Engine, stage: &Stage) -> RadianceImage {
+fn draw(engine: &mut dyn Engine, stage: &StressStage) -> RadianceImage {
     stage.draw(engine).expect("a sound frame").radiance
 }
 
@@ -45,14 +45,14 @@ fn mean_difference(a: &RadianceImage, b: &RadianceImage) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.len() as f32
 }
 
-fn soft(list: impl IntoIterator<Item = (Vec3, f32)>, rung: Rung, order: usize) -> Stage {
+fn soft(list: impl IntoIterator<Item = (Vec3, f32)>, rung: Rung, order: usize) -> StressStage {
     let mut global = RadianceSh::zero(order);
     for (i, row) in global.rgb.iter_mut().enumerate().take(order * order) {
         let x = 0.15 * ((i * 7 % 5) as f32 - 2.0);
         *row = if i == 0 { [4.0, 3.5, 3.0] } else { [x, 0.5 * x, -x] };
     }
-    let stage = Stage::new(spheres(list), Lights::soft(global));
-    Stage { quality: Quality { rung, sh_order: order, ..stage.quality }, size_px: [32, 24], ..stage }
+    let stage = StressStage::new(spheres(list), Lights::soft(global));
+    StressStage { quality: Quality { rung, sh_order: order, ..stage.quality }, size_px: [32, 24], ..stage }
 }
 
 /// Piles, spheres that touch and hold receivers, under the horizon, of no size: shares, with every rung and order.
@@ -180,21 +180,21 @@ fn from_zenith(degrees: f32) -> Vec3 {
     Vec3::new(0.8 * sine, 0.6 * sine, cosine)
 }
 
-fn boxed(light: Lights) -> Stage {
+fn boxed(light: Lights) -> StressStage {
     let one = object("box", shapes::cuboid(DVec3::splat(0.05)), WHITE, Vec3::new(0.0, 0.0, 0.05));
-    let mut stage = Stage::new(object_over_ground(one), light);
+    let mut stage = StressStage::new(object_over_ground(one), light);
     stage.size_px = [32, 24];
     stage.quality.shadow_map_texels = 128;
     stage
 }
 
 /// The ground alone: the box is there, but only its shadow is drawn.
-fn shadow_of_box(light: Lights) -> Stage {
+fn shadow_of_box(light: Lights) -> StressStage {
     let stage = boxed(light);
     // Black objects hide the ground without light of their own.
     let mut scene = stage.scene.clone();
     scene.objects[0].material = Material::Lambert { albedo_rgb: [0.0; 3] };
-    Stage { scene, ..stage }
+    StressStage { scene, ..stage }
 }
 
 /// From the zenith through the horizon, and through each pole: shares, and small steps.
@@ -252,7 +252,7 @@ fn odd_casters_and_lights(engine: &mut dyn Engine) {
         for (light_name, light) in &lights {
             let what = format!("{name}, a light {light_name}");
             let scene = object_over_ground(object("odd", mesh.clone(), WHITE, Vec3::ZERO));
-            let stage = Stage { size_px: [24, 18], ..Stage::new(scene, *light) };
+            let stage = StressStage { size_px: [24, 18], ..StressStage::new(scene, *light) };
             assert_sound(&draw(engine, &stage), &what);
         }
     }
@@ -264,7 +264,7 @@ fn gloss_of_every_exponent(engine: &mut dyn Engine) {
         let material = Material::Phong { albedo_rgb: [0.0; 3], specular_rgb: [1.0; 3], exponent };
         let one = object("ball", shapes::uv_sphere(0.1, 32, 16), material, Vec3::new(0.0, 0.0, 0.1));
         let scene = Scene { objects: vec![one], ..Scene::default() };
-        Stage { background: 0.0, size_px: [24, 18], ..Stage::new(scene, light) }
+        StressStage { background: 0.0, size_px: [24, 18], ..StressStage::new(scene, light) }
     };
     let exponents = [0.0, 1e-30, 1e-3, 0.5, 1.0, 2.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5];
     for exponent in exponents {
@@ -292,7 +292,7 @@ fn objects_in_light_of_any_unit(engine: &mut dyn Engine) {
         let sun = sun(from_zenith(40.0), factor);
         Lights { global: uniform(0.3 * factor).global, ..sun }
     };
-    let stage = |factor: f32| Stage {
+    let stage = |factor: f32| StressStage {
         background: factor,
         exposure_s: f64::from(1.0 / factor),
         scene: boxed(sun(Vec3::Z, 1.0)).scene,
@@ -370,8 +370,12 @@ fn smallest_pictures(engine: &mut dyn Engine) {
 /// A picture larger than many devices take in one piece.
 fn largest_pictures(engine: &mut dyn Engine) {
     let scene = Scene { surfaces: vec![ground()], ..Scene::default() };
-    let stage =
-        Stage { size_px: [4096, 2560], display: true, background: 0.25, ..Stage::new(scene, uniform(1.0)) };
+    let stage = StressStage {
+        size_px: [4096, 2560],
+        display: true,
+        background: 0.25,
+        ..StressStage::new(scene, uniform(1.0))
+    };
     let picture = stage.draw(engine).expect("any size");
     assert!(picture.radiance.pixels().iter().all(|p| *p == [0.25; 3]));
     let value = picture.display.pixels()[0];
@@ -398,8 +402,11 @@ engines::on_each!("pictures::gl");
 fn a_picture_of_67_million_pixels() {
     let _turn = engines::turn();
     let mut engine = engines::cpu();
-    let stage =
-        Stage { size_px: [8192, 8192], background: 0.25, ..Stage::new(Scene::default(), uniform(1.0)) };
+    let stage = StressStage {
+        size_px: [8192, 8192],
+        background: 0.25,
+        ..StressStage::new(Scene::default(), uniform(1.0))
+    };
     let picture = stage.draw(&mut engine).expect("any size");
     assert_eq!(picture.radiance.pixels().len(), 1 << 26);
     assert!(picture.radiance.pixels().iter().step_by(4097).all(|p| *p == [0.25; 3]));

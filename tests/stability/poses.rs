@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use halflight::{
     light::{follow::Follow, halve::HalveOptions, split::SplitOptions},
     math::{
+        dice::Dice,
         lens::Lens,
         pose::{self, Pose},
         rigid::Quaternion,
@@ -18,7 +19,7 @@ use halflight::{
         time::Timestamp,
     },
     track::{
-        align::{View, place, scale_of_two},
+        align::{MapView, place, scale_of_two},
         state::{FollowOptions, TrackState, Update},
         tag::TagDetection,
         tag_pose::{corners_of_tag_m, solve},
@@ -251,7 +252,7 @@ fn slerp_between_any_two() {
 #[test]
 fn the_scale_of_a_map_from_parallel_rays_on() {
     let upright = Quaternion::<f64>::identity();
-    let view = |p: [f64; 3], noise: [f64; 3]| View {
+    let view = |p: [f64; 3], noise: [f64; 3]| MapView {
         known_m: Vector(p),
         map: Vector([0, 1, 2].map(|k: usize| 1.0 + 2.0 * p[k] + noise[k])),
     };
@@ -265,11 +266,8 @@ fn the_scale_of_a_map_from_parallel_rays_on() {
         assert!(crossing.is_none_or(f64::is_finite), "{angle}: {crossing:?}");
     }
     // Eight views, places off by 3 degrees of their distance.
-    let mut state = 7u64;
-    let mut dice = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    };
+    let mut dice = Dice::new(7);
+    let mut dice = || dice.unit() - 0.5;
     let mut worst = 0.0f64;
     for _ in 0..500 {
         let views: Vec<_> = (0..8)

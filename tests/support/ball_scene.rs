@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 
 use glam::{DVec2, DVec3};
+use halflight::math::dice;
 use halflight::math::lens::Lens;
 use halflight::math::pose::Pose;
 use halflight::model::image::{HdrImage, Image, RadianceImage};
@@ -210,12 +211,6 @@ struct PixelMean {
 
 /// A standard normal number of a seed and a place (Box and Muller's).
 fn normal(seed: u64, place: u64) -> f64 {
-    let uniform = |k: u64| {
-        let mut x = seed ^ (2 * place + k).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        for shift in [30, 27, 31] {
-            x = (x ^ (x >> shift)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        }
-        (x >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let uniform = |k: u64| dice::unit(dice::mix(seed ^ (2 * place + k).wrapping_mul(dice::STEP)));
     (-2.0 * (1.0 - uniform(0)).ln()).sqrt() * (TAU * uniform(1)).cos()
 }

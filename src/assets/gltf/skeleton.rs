@@ -3,7 +3,7 @@
 use super::{accessor::floats, pose::Z_UP_FROM_Y_UP, primitive::Hang, source::Source};
 use crate::{
     error::AssetError,
-    model::animation::{Joint, Node, Skeleton, Transform},
+    model::animation::{Joint, Skeleton, SkeletonNode, Transform},
 };
 use glam::{Affine3A, Mat4, Quat, Vec3};
 use gltf::Document;
@@ -46,7 +46,7 @@ pub fn load(source: &Source, document: &Document) -> Result<Loaded, AssetError> 
         index_of[index] = Some(out.len() as u32);
         let name = nodes[index].name().unwrap_or_default().to_owned();
         let parent = parents[index].and_then(|p| index_of[p]);
-        out.push(Node { name, parent, rest: rest(source, &nodes[index])? });
+        out.push(SkeletonNode { name, parent, rest: rest(source, &nodes[index])? });
         let children: Vec<usize> = nodes[index].children().map(|child| child.index()).collect();
         open.extend(children.into_iter().rev());
     }

@@ -4,8 +4,8 @@ use super::walk::{Section, numbers};
 use crate::animate::walk::{MAX_TURN_DEG, MIN_SIDE_M, round_corners};
 use crate::gltf::DEFAULT_SPHERES;
 use crate::model::animation::{
-    Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Node, Playing, Skeleton,
-    Transform, Walk,
+    Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Playing, Skeleton,
+    SkeletonNode, Transform, Walk,
 };
 use glam::{Affine3A, Vec2, Vec4};
 
@@ -159,7 +159,7 @@ fn carried(rows: &[Vec<f64>]) -> Option<Clip> {
 
 /// A body that keeps its shape: one node, on which `objects` objects hang as they are.
 pub fn static_figure(objects: usize) -> Figure {
-    let node = Node { name: "body".into(), parent: None, rest: Transform::IDENTITY };
+    let node = SkeletonNode { name: "body".into(), parent: None, rest: Transform::IDENTITY };
     let part = |object| FigurePart { object, attachment: Attachment::Rigid { joint: 0 } };
     Figure {
         name: String::new(),

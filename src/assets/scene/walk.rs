@@ -1,7 +1,7 @@
 //! Walks a TOML table key by key and gathers every mistake on the way.
 
 use crate::error::AssetError;
-use crate::math::edit_distance::nearest;
+use crate::near_word::nearest;
 use glam::DVec3;
 use std::cell::RefCell;
 use std::path::Path;

@@ -9,7 +9,7 @@ mod gait;
 
 use super::gltf::{DEFAULT_SPHERES, LoadedFigure};
 use crate::model::{
-    animation::{Attachment, Figure, FigurePart, Joint, Node, Skeleton, Transform},
+    animation::{Attachment, Figure, FigurePart, Joint, Skeleton, SkeletonNode, Transform},
     scene::{Material, VirtualObject},
 };
 use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
@@ -100,7 +100,7 @@ pub fn walker() -> LoadedFigure {
             let above = parent.map_or(DVec3::ZERO, |p| DVec3::from(BONES[p].2));
             let translation = y_up(DVec3::from(place) - above);
             let rest = Transform { translation, ..Transform::IDENTITY };
-            Node { name: name.into(), parent: parent.map(|p| p as u32), rest }
+            SkeletonNode { name: name.into(), parent: parent.map(|p| p as u32), rest }
         })
         .collect();
     let joint = |(node, &(_, _, place)): (usize, &(_, _, [f64; 3]))| Joint {

@@ -102,7 +102,7 @@ fn inverse(matrix: &Affine3A) -> Option<Affine3A> {
 mod tests {
     use super::*;
     use crate::model::{
-        animation::{FigurePart, Joint, Node, Skeleton, Transform},
+        animation::{FigurePart, Joint, Skeleton, SkeletonNode, Transform},
         scene::{Material, Mesh},
     };
 
@@ -110,7 +110,7 @@ mod tests {
     /// the first.
     fn figure() -> (Figure, Vec<VirtualObject>) {
         let up = Transform { translation: Vec3::Z * 4.0, scale: Vec3::splat(2.0), ..Transform::IDENTITY };
-        let node = |parent, rest| Node { name: String::new(), parent, rest };
+        let node = |parent, rest| SkeletonNode { name: String::new(), parent, rest };
         let mut mesh = Mesh::default();
         let mut joints = Vec::new();
         for step in 0..9 {

@@ -107,7 +107,7 @@ pub fn figure_from_nodes_at_rest(skeleton: &Skeleton) -> Vec<Affine3A> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::animation::Node;
+    use crate::model::animation::SkeletonNode;
     use glam::Vec3;
 
     fn channel(moves: Moves, interpolation: Interpolation, times_s: &[f32], values: &[[f32; 4]]) -> Channel {
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn children_follow_their_parents() {
-        let node = |parent, translation| Node {
+        let node = |parent, translation| SkeletonNode {
             name: String::new(),
             parent,
             rest: Transform { translation, ..Transform::IDENTITY },

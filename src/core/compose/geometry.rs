@@ -6,7 +6,7 @@ use crate::model::{
     room::RoomPatches,
     scene::{Material, Mesh, RealSurface, Scene},
 };
-use crate::visibility::shadow_maps::{Body, Receivers};
+use crate::visibility::shadow_maps::{Receivers, ShadowedBody};
 use glam::{Mat3, Vec3};
 use std::ops::Range;
 
@@ -143,7 +143,7 @@ impl ObjectGeometry {
     }
 
     /// Each object that has triangles, as hard shadows fall on it.
-    pub fn bodies(&self) -> impl Iterator<Item = Body> {
+    pub fn bodies(&self) -> impl Iterator<Item = ShadowedBody> {
         let sound =
             self.ranges.iter().zip(&self.materials).filter(|((_, triangles), _)| !triangles.is_empty());
         sound.map(|((vertices, _), material)| {
@@ -151,7 +151,7 @@ impl ObjectGeometry {
             for p in self.positions[vertices.clone()].iter().filter(|p| p.is_finite()) {
                 (low, high) = (low.min(*p), high.max(*p));
             }
-            Body { low, high, is_mirror: material.exponent == MIRROR_EXPONENT }
+            ShadowedBody { low, high, is_mirror: material.exponent == MIRROR_EXPONENT }
         })
     }
 

@@ -5,7 +5,7 @@
 use super::{
     carried::RUN,
     shade_object::{LightTerms, soft_over_pi, unshadowed},
-    soft_shadow::Flat,
+    soft_shadow::FlatReceiver,
 };
 use crate::math::widest::widest;
 use crate::visibility::shadow_maps::{FlatLight, ShadowMaps};
@@ -88,7 +88,7 @@ pub fn at(
 /// `lights`; `soft_taken` channel by channel. `out` gets one ratio each.
 pub fn at_run(
     frame: &SurfaceFrame<'_>,
-    flat: &Flat,
+    flat: &FlatReceiver,
     lights: &[FlatLight],
     points_world: &[[f32; RUN]; 3],
     soft_taken: &[[f32; RUN]; 3],

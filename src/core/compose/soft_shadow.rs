@@ -6,7 +6,7 @@
 use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};
 use crate::visibility::{
-    blockers::{Blockers, LANES, Plane},
+    blockers::{BlockedPlane, Blockers, LANES},
     shadow_maps::{FlatLight, ShadowMaps},
 };
 use glam::Vec3;
@@ -111,7 +111,7 @@ impl Transfer {
 
 /// What the points of a flat receiver share under the hard lights of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flat {
+pub struct FlatReceiver {
     /// Unit, world frame.
     pub normal: Vec3,
     /// Irradiance where nothing is in the way of the light.
@@ -126,9 +126,9 @@ pub struct Planes {
     normals: Vec<Vec3>,
     /// n.p of its points.
     offsets: Vec<f32>,
-    flat: Vec<Flat>,
+    flat: Vec<FlatReceiver>,
     flat_lights: Vec<FlatLight>,
-    prepared: Vec<Plane>,
+    prepared: Vec<BlockedPlane>,
     /// For each triangle of the surfaces its plane, or `u32::MAX`.
     of_triangle: Vec<u32>,
 }
@@ -158,7 +158,7 @@ impl Planes {
             self.of_triangle.push(index);
         }
         if self.prepared.len() < self.normals.len() {
-            self.prepared.resize_with(self.normals.len(), Plane::default);
+            self.prepared.resize_with(self.normals.len(), BlockedPlane::default);
         }
     }
 
@@ -180,28 +180,32 @@ impl Planes {
             });
             self.flat_lights.extend(lights);
             let lights = [first, self.flat_lights.len()];
-            self.flat.push(Flat { normal, whole_rgb: super::shade_surface::whole(light, normal), lights });
+            self.flat.push(FlatReceiver {
+                normal,
+                whole_rgb: super::shade_surface::whole(light, normal),
+                lights,
+            });
         }
     }
 
     /// The hard lights that a flat receiver faces and that have a shadow map.
-    pub fn lights(&self, flat: &Flat) -> &[FlatLight] {
+    pub fn lights(&self, flat: &FlatReceiver) -> &[FlatLight] {
         self.flat_lights.get(flat.lights[0]..flat.lights[1]).unwrap_or(&[])
     }
 
     /// What the points of a flat triangle share, seen from its front.
-    pub fn flat(&self, triangle: usize, is_front: bool) -> Option<&Flat> {
+    pub fn flat(&self, triangle: usize, is_front: bool) -> Option<&FlatReceiver> {
         let index = *self.of_triangle.get(triangle)? as usize;
         if is_front { self.flat.get(index) } else { None }
     }
 
     /// Those prepared last.
-    pub fn prepared(&self) -> &[Plane] {
+    pub fn prepared(&self) -> &[BlockedPlane] {
         &self.prepared[..self.prepared.len().min(self.normals.len())]
     }
 
     /// The plane of a triangle seen from the side of `normal`, if it is one of them.
-    pub fn of(&self, triangle: usize, normal: Vec3) -> Option<&Plane> {
+    pub fn of(&self, triangle: usize, normal: Vec3) -> Option<&BlockedPlane> {
         let index = *self.of_triangle.get(triangle)? as usize;
         let is_front = self.normals.get(index)?.dot(normal) > 0.9;
         if is_front { self.prepared.get(index) } else { None }
@@ -214,7 +218,7 @@ impl Planes {
 pub fn taken(
     blockers: &Blockers,
     transfer: &Transfer,
-    plane: Option<&Plane>,
+    plane: Option<&BlockedPlane>,
     point_world: Vec3,
     normal: Vec3,
 ) -> [f32; 3] {

@@ -39,7 +39,7 @@ const CHUNK: usize = 64;
 /// A lobe's light below this share of L_0 counts as none.
 const DARK: f32 = 1e-3;
 
-type Row = [f32; MAX_COEFFICIENTS];
+type ShRow = [f32; MAX_COEFFICIENTS];
 
 /// What a frame asks of the vertices.
 #[derive(Clone, Copy)]
@@ -62,7 +62,7 @@ pub struct VertexFrame<'a> {
 
 /// What an object is to its vertices.
 #[derive(Clone, Debug, Default)]
-struct Part {
+struct BodyVertices {
     vertices: Range<usize>,
     /// Whether it has rows of transfer, and of visibility.
     has_rows: bool,
@@ -79,7 +79,7 @@ struct Part {
 #[derive(Clone, Debug, Default)]
 pub struct Transferred {
     transfer: Option<Arc<SceneTransfer>>,
-    parts: Vec<Part>,
+    parts: Vec<BodyVertices>,
     /// Bodies that move.
     movers: Vec<u32>,
     soft: Vec<[f32; 4]>,
@@ -92,12 +92,12 @@ pub struct Transferred {
     moving: Blockers,
     spheres: Vec<BlockerSphere>,
     moving_spheres: Vec<BlockerSphere>,
-    last: Option<Last>,
+    last: Option<VertexInputs>,
 }
 
 /// What the results were made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Last {
+struct VertexInputs {
     eye_world: Vec3,
     self_shadow: SelfShadow,
     rung: Rung,
@@ -119,12 +119,12 @@ impl Transferred {
             let rows = self.transfer.as_ref().and_then(|t| t.objects.get(index)?.as_ref());
             let has_rows = numbers > 0 && rows.is_some_and(|o| o.rows.len() == numbers);
             let has_blocked = has_rows && rows.is_some_and(|o| o.blocked.len() == numbers);
-            self.parts.push(Part {
+            self.parts.push(BodyVertices {
                 vertices: first..end,
                 has_rows,
                 has_blocked,
                 first_product,
-                ..Part::default()
+                ..BodyVertices::default()
             });
             first_product += if has_blocked { end - first } else { 0 };
             first = end;
@@ -142,7 +142,7 @@ impl Transferred {
     /// Takes over the light, the camera, the spheres and the settings of a frame. Free where nothing has changed.
     pub fn update(&mut self, frame: &VertexFrame<'_>) {
         let new_light = self.matrix.update(frame.light) || self.last.is_none();
-        let now = Last {
+        let now = VertexInputs {
             eye_world: frame.eye_world,
             self_shadow: frame.quality.self_shadow,
             rung: frame.quality.rung,
@@ -150,7 +150,8 @@ impl Transferred {
             has_levels: frame.surroundings.has_levels(),
         };
         let new_settings =
-            self.last.is_none_or(|last| Last { eye_world: now.eye_world, ..last } != now) || new_light;
+            self.last.is_none_or(|last| VertexInputs { eye_world: now.eye_world, ..last } != now)
+                || new_light;
         let new_kind = self.last.is_none_or(|last| last.self_shadow != now.self_shadow);
         let new_eye = self.last.is_none_or(|last| last.eye_world != now.eye_world);
         self.last = Some(now);
@@ -187,18 +188,18 @@ impl Transferred {
     /// Whether an update for a frame would change any result; says so, too, where it cannot be sure.
     pub fn would_change(&self, frame: &VertexFrame<'_>) -> bool {
         let Some(last) = self.last else { return true };
-        let now = Last {
+        let now = VertexInputs {
             eye_world: frame.eye_world,
             self_shadow: frame.quality.self_shadow,
             rung: frame.quality.rung,
             directions: frame.quality.directions,
             has_levels: frame.surroundings.has_levels(),
         };
-        let is_same = Last { eye_world: now.eye_world, ..last } == now
+        let is_same = VertexInputs { eye_world: now.eye_world, ..last } == now
             && self.matrix.is_of(frame.light)
             && self.spheres == frame.spheres
             && !frame.moved;
-        let sees_eye = |(part, material): (&Part, &MaterialTerms)| {
+        let sees_eye = |(part, material): (&BodyVertices, &MaterialTerms)| {
             let is_glossy = material.exponent != MIRROR_EXPONENT && material.specular_rgb != [0.0; 3];
             is_glossy && (part.is_blocked || part.has_blocked)
         };
@@ -276,7 +277,7 @@ impl Transferred {
 }
 
 /// The first bands of a kept row.
-fn widened(row: &[f16], order: usize) -> Row {
+fn widened(row: &[f16], order: usize) -> ShRow {
     let mut out = [0.0; MAX_COEFFICIENTS];
     for (out, t) in out.iter_mut().zip(row).take(order * order) {
         *out = t.to_f32();
@@ -308,7 +309,7 @@ impl<'a> Object<'a> {
         whole: &'a Transferred,
         frame: &'a VertexFrame<'a>,
         index: usize,
-        part: &Part,
+        part: &BodyVertices,
         material: &'a MaterialTerms,
     ) -> Self {
         let transfer =
@@ -352,7 +353,7 @@ impl<'a> Object<'a> {
     }
 
     /// Both results; `seen`: V of the spheres of others, where they block anything.
-    fn vertex(&self, k: usize, seen: Option<&Row>) -> ([f32; 4], [f32; 3]) {
+    fn vertex(&self, k: usize, seen: Option<&ShRow>) -> ([f32; 4], [f32; 3]) {
         let order = self.matrix.order();
         let normal = self.geometry.normals[self.vertices.start + k];
         let openness = self.geometry.tint_openness[self.vertices.start + k][3];
@@ -420,8 +421,8 @@ impl<'a> Object<'a> {
         k: usize,
         along: Vec3,
         normal: Vec3,
-        blocked: Option<&Row>,
-        seen: Option<&Row>,
+        blocked: Option<&ShRow>,
+        seen: Option<&ShRow>,
     ) -> f32 {
         let mut left = 1.0;
         if let Some(blocked) = blocked {
@@ -441,14 +442,14 @@ impl<'a> Object<'a> {
 }
 
 /// 1 - V.
-fn without(v: &Row) -> Row {
+fn without(v: &ShRow) -> ShRow {
     let mut blocked = v.map(|v| -v);
     blocked[0] += whole::<f32>();
     blocked
 }
 
 /// 1 - V V', V = 1 - `blocked`: the product cut to the order, then within what 0 <= V <= 1 allows.
-fn both(order: usize, blocked: &Row, seen: &Row) -> Row {
+fn both(order: usize, blocked: &ShRow, seen: &ShRow) -> ShRow {
     let mut out = [0.0; MAX_COEFFICIENTS];
     product::product(order, &without(blocked), seen, &mut out);
     let mut lanes = out.map(|v| lanes::Lane([v]));
@@ -462,7 +463,7 @@ fn both(order: usize, blocked: &Row, seen: &Row) -> Row {
     without(&lanes.map(|lane| lane.0[0]))
 }
 
-fn gathered(rows: &[[f32; 3]], weights: &Row, order: usize) -> [f32; 3] {
+fn gathered(rows: &[[f32; 3]], weights: &ShRow, order: usize) -> [f32; 3] {
     let mut sum = [0.0f32; 3];
     for (row, weight) in rows.iter().zip(weights).take(order * order) {
         sum.iter_mut().zip(row).for_each(|(s, c)| *s += weight * c);

@@ -120,13 +120,13 @@ fn warp(picture: &Rgb8Image, drift: &Drift, light: &LinearLight) -> Rgb8Image {
 }
 
 /// One channel, 8 bits.
-struct Gray {
+struct GrayPicture {
     width: usize,
     height: usize,
     values: Vec<u8>,
 }
 
-impl Gray {
+impl GrayPicture {
     fn of(picture: &Rgb8Image) -> Self {
         let gray =
             |p: &[u8; 3]| ((54 * u32::from(p[0]) + 183 * u32::from(p[1]) + 19 * u32::from(p[2])) >> 8) as u8;
@@ -171,7 +171,7 @@ pub fn drift(reference: &Rgb8Image, picture: &Rgb8Image) -> Option<Drift> {
     if (reference.width(), reference.height()) != (picture.width(), picture.height()) {
         return None;
     }
-    let (a, b) = (Gray::of(reference), Gray::of(picture));
+    let (a, b) = (GrayPicture::of(reference), GrayPicture::of(picture));
     if a.width.min(a.height) < COARSEST {
         return None;
     }
@@ -180,7 +180,7 @@ pub fn drift(reference: &Rgb8Image, picture: &Rgb8Image) -> Option<Drift> {
     fit(&window_shifts(&a, &b, cx, cy), middle)
 }
 
-fn coarse_shift(a: &Gray, b: &Gray) -> (i32, i32) {
+fn coarse_shift(a: &GrayPicture, b: &GrayPicture) -> (i32, i32) {
     // How far from both ends of the scale a rank lies in the picture where it lies worse.
     let exposed = |rank: f64| {
         let room = |z: u8| z.min(255 - z);
@@ -211,7 +211,7 @@ fn coarse_shift(a: &Gray, b: &Gray) -> (i32, i32) {
 }
 
 /// Share of the pixels that lie on different sides of the cuts.
-fn mismatch(a: &Gray, b: &Gray, cut_a: u8, cut_b: u8, dx: i32, dy: i32) -> f64 {
+fn mismatch(a: &GrayPicture, b: &GrayPicture, cut_a: u8, cut_b: u8, dx: i32, dy: i32) -> f64 {
     let (width, height) = (a.width as i32, a.height as i32);
     let (mut differ, mut all) = (0u32, 0u32);
     for y in (-dy).max(0)..(height - dy).min(height) {
@@ -230,7 +230,7 @@ fn mismatch(a: &Gray, b: &Gray, cut_a: u8, cut_b: u8, dx: i32, dy: i32) -> f64 {
 }
 
 /// Gradients of ln(8 + value); zero where a value is black or saturated.
-fn gradients(gray: &Gray) -> Vec<[f32; 2]> {
+fn gradients(gray: &GrayPicture) -> Vec<[f32; 2]> {
     let logs: [f32; 256] = std::array::from_fn(|z| (8.0 + z as f32).ln());
     let (width, height) = (gray.width, gray.height);
     let mut out = vec![[0.0; 2]; width * height];
@@ -249,7 +249,7 @@ fn gradients(gray: &Gray) -> Vec<[f32; 2]> {
 }
 
 /// (middle of the window, its shift) of all windows that tell both directions.
-fn window_shifts(a: &Gray, b: &Gray, cx: i32, cy: i32) -> Vec<(DVec2, DVec2)> {
+fn window_shifts(a: &GrayPicture, b: &GrayPicture, cx: i32, cy: i32) -> Vec<(DVec2, DVec2)> {
     let (width, height) = (a.width as i32, a.height as i32);
     let side = (a.width.max(a.height) / WINDOWS).max(16) as i32;
     let (of_a, of_b) = (gradients(a), gradients(b));

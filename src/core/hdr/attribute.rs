@@ -38,7 +38,7 @@ impl Tolerance {
 
 /// What the check found for a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Verdict {
+pub enum ExposureVerdict {
     /// Agrees with the largest group of pictures that agree among themselves.
     Consistent,
     /// Its pixels contradict its stated exposure.
@@ -58,7 +58,7 @@ pub struct PictureReport {
     /// The same from the pixels.
     pub measured_ratio: f64,
     /// The verdict over all other pictures.
-    pub verdict: Verdict,
+    pub verdict: ExposureVerdict,
 }
 
 /// Reports of a bracket, one for each picture.
@@ -76,7 +76,7 @@ impl ExposureCheck {
 
     /// Whether no picture contradicts its stated exposure.
     pub fn sound(&self) -> bool {
-        self.reports().iter().all(|r| r.verdict != Verdict::Contradicted)
+        self.reports().iter().all(|r| r.verdict != ExposureVerdict::Contradicted)
     }
 }
 
@@ -160,7 +160,7 @@ pub fn check_exposures(
                         against: Some(other),
                         stated_ratio: (sign * stated_log).exp(),
                         measured_ratio: (sign * measured.log_ratio).exp(),
-                        verdict: Verdict::Unchecked,
+                        verdict: ExposureVerdict::Unchecked,
                     };
                 }
             }
@@ -199,11 +199,11 @@ fn judge(
             (0..count).filter(|&j| group[j] == group[i] && agree[i][j] == Some(wanted)).count()
         };
         reports[i].verdict = if outvoted || votes(false) > votes(true) {
-            Verdict::Contradicted
+            ExposureVerdict::Contradicted
         } else if own > 1 {
-            Verdict::Consistent
+            ExposureVerdict::Consistent
         } else {
-            Verdict::Unchecked
+            ExposureVerdict::Unchecked
         };
     }
 }
@@ -250,7 +250,7 @@ mod tests {
         times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect()
     }
 
-    fn verdicts(real_s: &[f64], stated_s: &[f64]) -> Vec<Verdict> {
+    fn verdicts(real_s: &[f64], stated_s: &[f64]) -> Vec<ExposureVerdict> {
         let pictures = pictures(real_s);
         let pictures: Vec<_> = pictures.iter().collect();
         let check =
@@ -258,7 +258,7 @@ mod tests {
         check.reports().iter().map(|r| r.verdict).collect()
     }
 
-    use Verdict::{Consistent, Contradicted, Unchecked};
+    use ExposureVerdict::{Consistent, Contradicted, Unchecked};
 
     #[test]
     fn a_ratio_is_measured_to_its_resolution() {

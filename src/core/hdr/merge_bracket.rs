@@ -76,7 +76,7 @@ pub fn merge_bracket(
     out: &mut HdrImage,
 ) -> Result<(), MergeError> {
     let (width, height) = check(pictures, exposures)?;
-    let tables = Tables::new(exposures, response.log_exposure());
+    let tables = ResponseTables::new(exposures, response.log_exposure());
     out.radiance.reshape(width, height, [0.0; 3]);
     out.flags.reshape(width, height, 0);
     let count = pictures.len();
@@ -137,7 +137,7 @@ pub fn merge_pixels<T: MergeReal>(
         && pictures.iter().all(|picture| picture.len() == count)
         && flags.len() == count
         && count <= BLOCK;
-    fits.then(|| Tables::new(exposures, log_exposure).merge_block(pictures, radiance, flags))
+    fits.then(|| ResponseTables::new(exposures, log_exposure).merge_block(pictures, radiance, flags))
 }
 
 /// Width and height, if the bracket fits together.
@@ -165,7 +165,7 @@ pub fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, 
 }
 
 /// What a merge looks up instead of computing it for each pixel.
-struct Tables<T> {
+struct ResponseTables<T> {
     /// For each picture, channel and value: w(z) (g(z) - ln t).
     weighted: [[[T; 256]; 3]; MAX_PICTURES],
     /// For each picture and channel: g(255) - ln t.
@@ -174,7 +174,7 @@ struct Tables<T> {
     at_most: [[T; 3]; MAX_PICTURES],
 }
 
-impl<T: MergeReal> Tables<T> {
+impl<T: MergeReal> ResponseTables<T> {
     fn new(exposures: &[Exposure], log_exposure: &[[T; 256]; 3]) -> Self {
         let mut tables = Self {
             weighted: [[[T::zero(); 256]; 3]; MAX_PICTURES],

@@ -3,6 +3,7 @@
 pub mod align;
 pub mod attribute;
 pub mod black_level;
+pub mod develop;
 pub mod linear_light;
 pub mod merge_bracket;
 mod reflected_point;

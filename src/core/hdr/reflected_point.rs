@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// What is mirrored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Mirrored {
+pub(super) enum MirroredPlace {
     /// Something at infinity, in this unit direction.
     Towards(DVec3),
     /// A point at hand, outside the ball.
@@ -22,7 +22,7 @@ pub(super) fn point_reflecting(
     eye: DVec3,
     centre: DVec3,
     radius: f64,
-    mirrored: Mirrored,
+    mirrored: MirroredPlace,
     guess: DVec3,
 ) -> Option<DVec3> {
     let mut normal = guess.try_normalize()?;
@@ -30,8 +30,8 @@ pub(super) fn point_reflecting(
         let point = centre + radius * normal;
         let (u, eye_curvature) = unit_and_inverse_length(eye - point);
         let (v, thing_curvature) = match mirrored {
-            Mirrored::Towards(direction) => (direction, 0.0),
-            Mirrored::At(thing) => unit_and_inverse_length(thing - point),
+            MirroredPlace::Towards(direction) => (direction, 0.0),
+            MirroredPlace::At(thing) => unit_and_inverse_length(thing - point),
         };
         let bend = (u + v).dot(normal);
         let slope = u + v - bend * normal;
@@ -79,7 +79,7 @@ mod tests {
         let mut found = 0;
         for direction in directions() {
             let guess = (direction + DVec3::new(0.1, -0.7, 0.5).normalize()).normalize();
-            let Some(point) = point_reflecting(eye, centre, radius, Mirrored::Towards(direction), guess)
+            let Some(point) = point_reflecting(eye, centre, radius, MirroredPlace::Towards(direction), guess)
             else {
                 continue;
             };
@@ -97,7 +97,7 @@ mod tests {
         let (eye, centre, radius) = (DVec3::new(0.1, -0.5, 0.4), DVec3::new(0.0, 0.0, 0.05), 0.05);
         for thing in [DVec3::new(0.2, -0.1, 0.0), DVec3::new(-0.07, 0.02, 0.0), DVec3::new(0.0, -0.09, 0.0)] {
             let guess = (eye - centre).normalize();
-            let point = point_reflecting(eye, centre, radius, Mirrored::At(thing), guess).unwrap();
+            let point = point_reflecting(eye, centre, radius, MirroredPlace::At(thing), guess).unwrap();
             let hit = reflect_off_sphere(eye, point - eye, centre, radius).unwrap();
             let miss = hit.reflected.cross((thing - hit.point).normalize()).length();
             assert!(miss < 1e-4, "{thing}: {miss}");

@@ -3,7 +3,7 @@
 use super::{
     linear_light::LinearLight,
     merge_bracket::weight,
-    reflected_point::{Mirrored, point_reflecting},
+    reflected_point::{MirroredPlace, point_reflecting},
 };
 use crate::{
     math::{
@@ -36,12 +36,12 @@ pub const SATURATED: u8 = 253;
 /// radiance; where the newest frame is black or saturated, what the older exposure would have made of that bound.
 /// *So the merge at such a pixel never claims more than the newest frame does.*
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fill {
+pub struct BoundFill {
     /// For each channel: where the newest value is 0, and where it is 255.
     ends: [[u8; 2]; 3],
 }
 
-impl Fill {
+impl BoundFill {
     /// For an older frame's exposure beside the newest one's.
     pub fn new(response: &Response, newest: Exposure, older: Exposure) -> Self {
         let (newest_s, older_s) = (newest.effective_s(), older.effective_s());
@@ -80,8 +80,8 @@ pub struct Warp {
     rays: Vec<DVec3>,
     /// For each node: where the older camera sees the same thing, pixels in fixed point.
     nodes: Vec<[i32; 2]>,
-    newest: Camera,
-    older: Camera,
+    newest: BallCamera,
+    older: BallCamera,
 }
 
 /// What a pixel position has to do with the ball.
@@ -116,7 +116,7 @@ fn between<const N: usize>(from: i32, to: i32, k: i32) -> i32 {
 
 /// A camera's pose, and where it sees the ball.
 #[derive(Clone, Copy, Debug)]
-struct Camera {
+struct BallCamera {
     world_from_camera: Pose,
     camera_from_world: Pose,
     /// Pixels that may show the ball: from (inclusive) and to (exclusive), x and y.
@@ -129,7 +129,7 @@ struct Camera {
     cell_cosines: [f64; 2],
 }
 
-impl Camera {
+impl BallCamera {
     fn new(world_from_camera: &Pose, lens: &Lens, ball: Option<&MirrorBall>) -> Self {
         let camera_from_world = world_from_camera.inverse();
         let ball_box = ball.map_or([[0; 2]; 2], |ball| ball_box(&camera_from_world, lens, ball));
@@ -197,7 +197,7 @@ impl Warp {
                 lens.unproject(pixel).unwrap_or(DVec3::NAN)
             })
             .collect();
-        let camera = Camera::new(&Pose::IDENTITY, lens, ball.as_ref());
+        let camera = BallCamera::new(&Pose::IDENTITY, lens, ball.as_ref());
         let nodes = vec![UNSEEN; rays.len()];
         Self { lens: *lens, ball, columns, rays, nodes, newest: camera, older: camera }
     }
@@ -210,8 +210,8 @@ impl Warp {
     /// Sets the two poses. False where no pixel of the picture moves by more than a tenth of a pixel: then there is
     /// nothing to warp.
     pub fn aim(&mut self, newest: &Pose, older: &Pose) -> bool {
-        self.newest = Camera::new(newest, &self.lens, self.ball.as_ref());
-        self.older = Camera::new(older, &self.lens, self.ball.as_ref());
+        self.newest = BallCamera::new(newest, &self.lens, self.ball.as_ref());
+        self.older = BallCamera::new(older, &self.lens, self.ball.as_ref());
         let (newest, older, lens, columns) = (self.newest, self.older, self.lens, self.columns);
         let mut moved = false;
         for (index, (node, ray)) in self.nodes.iter_mut().zip(&self.rays).enumerate() {
@@ -236,7 +236,7 @@ impl Warp {
         &self,
         older: &Rgb8Image,
         newest: &Rgb8Image,
-        (fill, light): (&Fill, &LinearLight),
+        (fill, light): (&BoundFill, &LinearLight),
         out: &mut Rgb8Image,
     ) {
         let (width, height) = (self.lens.width as usize, self.lens.height as usize);
@@ -256,7 +256,14 @@ impl Warp {
     }
 
     /// One row as if there were no ball in front.
-    fn surface_row(&self, y: usize, older: &Rgb8Image, newest: &[[u8; 3]], fill: &Fill, out: &mut [[u8; 3]]) {
+    fn surface_row(
+        &self,
+        y: usize,
+        older: &Rgb8Image,
+        newest: &[[u8; 3]],
+        fill: &BoundFill,
+        out: &mut [[u8; 3]],
+    ) {
         let (band, j) = (y / CELL, (y % CELL) as i32);
         let upper = &self.nodes[band * self.columns..];
         let lower = &self.nodes[(band + 1) * self.columns..];
@@ -311,7 +318,7 @@ impl Warp {
         top: usize,
         older: &Rgb8Image,
         newest: &Rgb8Image,
-        (fill, light): (&Fill, &LinearLight),
+        (fill, light): (&BoundFill, &LinearLight),
         rows: &mut [[u8; 3]],
     ) {
         let [from, to] = self.newest.ball_box;
@@ -376,9 +383,9 @@ impl Warp {
         };
         // Below the horizon of a ball above the surface, the mirrored thing is the surface itself, at hand.
         let mirrored = if reflected.z < 0.0 && point.z > 0.0 {
-            Mirrored::At(point - reflected * (point.z / reflected.z))
+            MirroredPlace::At(point - reflected * (point.z / reflected.z))
         } else {
-            Mirrored::Towards(reflected)
+            MirroredPlace::Towards(reflected)
         };
         let Some(seen) = point_reflecting(self.older.eye(), centre, radius, mirrored, normal + *turn) else {
             return OnBall::Unseen;
@@ -408,7 +415,7 @@ impl Warp {
 }
 
 /// Where the older camera sees what the newest one sees along a ray (camera frame), without the ball.
-fn surface_pixel(lens: &Lens, newest: &Camera, older: &Camera, ray: DVec3) -> Option<DVec2> {
+fn surface_pixel(lens: &Lens, newest: &BallCamera, older: &BallCamera, ray: DVec3) -> Option<DVec2> {
     let direction = newest.world_from_camera.rotate(ray);
     let eye = newest.eye();
     let along = -eye.z / direction.z;

@@ -182,6 +182,81 @@ fn contrast(pictures: &[&Rgb8Image], channel: usize, index: usize) -> u8 {
     differences.max().unwrap_or(0)
 }
 
+/// The linear equations for a channel's g, 255 unknowns each: those at all values but 128.
+struct Equations {
+    /// Row by row.
+    matrix: Vec<f64>,
+    right: Vec<f64>,
+    /// The rows of values that the residual is judged by, and the sum of their squared weights.
+    judged: Vec<usize>,
+    judged_weight: f64,
+}
+
+impl Equations {
+    /// The unknown of a value other than 128.
+    fn column(z: usize) -> usize {
+        if z < 128 { z } else { z - 1 }
+    }
+
+    fn of(samples: &[Vec<u8>], times_s: &[f64], lambda: f64) -> Self {
+        // Unknowns: g at all values but 128. ln E of each sample is the weighted mean of its g(z) - ln t whatever g is,
+        // so it is put in and drops out; g(128) = 0 until the end.
+        let (mut matrix, mut right): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        let (mut judged, mut judged_weight) = (Vec::new(), 0.0);
+        for sample in samples {
+            let weights: Vec<f64> = sample.iter().map(|&z| f64::from(weight(z))).collect();
+            let total: f64 = weights.iter().map(|w| w * w).sum();
+            let mean_log_t = weights.iter().zip(times_s).map(|(w, t)| w * w * t.ln()).sum::<f64>() / total;
+            for ((&z, &w), t) in sample.iter().zip(&weights).zip(times_s) {
+                if w == 0.0 {
+                    continue;
+                }
+                let start = matrix.len();
+                matrix.resize(start + 255, 0.0);
+                let row = &mut matrix[start..];
+                let mut add = |z: u8, factor: f64| {
+                    if z != 128 {
+                        row[Self::column(usize::from(z))] += factor;
+                    }
+                };
+                add(z, w);
+                for (&other, v) in sample.iter().zip(&weights) {
+                    add(other, -w * v * v / total);
+                }
+                if JUDGED.contains(&z) {
+                    judged.push(right.len());
+                    judged_weight += w * w;
+                }
+                right.push(w * (t.ln() - mean_log_t));
+            }
+        }
+        // The more pixels, the more their equations weigh against smoothness: lambda is meant for a usual number of them.
+        let balance = (samples.len() as f64 / USUAL_SAMPLES).max(1.0).sqrt();
+        for z in 1..255usize {
+            let factor = lambda * balance * f64::from(weight(z as u8));
+            let start = matrix.len();
+            matrix.resize(start + 255, 0.0);
+            for (z, factor) in [(z - 1, factor), (z, -2.0 * factor), (z + 1, factor)] {
+                if z != 128 {
+                    matrix[start + Self::column(z)] = factor;
+                }
+            }
+            right.push(0.0);
+        }
+        Self { matrix, right, judged, judged_weight }
+    }
+
+    /// Weighted rms of what a solution leaves.
+    fn residual_rms(&self, solution: &[f64]) -> f64 {
+        let squares = self.judged.iter().map(|&r| {
+            let row = &self.matrix[r * 255..(r + 1) * 255];
+            let fit: f64 = row.iter().zip(solution).map(|(a, x)| a * x).sum();
+            (fit - self.right[r]).powi(2)
+        });
+        (squares.sum::<f64>() / self.judged_weight).sqrt()
+    }
+}
+
 /// g of one channel, and the weighted rms of the residual. `samples`: for each pixel one value a picture.
 fn solve_channel(
     samples: &[Vec<u8>],
@@ -198,69 +273,18 @@ fn solve_channel(
             samples.len()
         ));
     }
-    // Unknowns: g at all values but 128. ln E of each sample is the weighted mean of its g(z) - ln t whatever g is,
-    // so it is put in and drops out; g(128) = 0 until the end.
-    let column = |z: usize| if z < 128 { z } else { z - 1 };
-    let mut matrix: Vec<f64> = Vec::new();
-    let mut right: Vec<f64> = Vec::new();
-    let (mut judged, mut judged_weight) = (Vec::new(), 0.0);
-    for sample in samples {
-        let weights: Vec<f64> = sample.iter().map(|&z| f64::from(weight(z))).collect();
-        let total: f64 = weights.iter().map(|w| w * w).sum();
-        let mean_log_t = weights.iter().zip(times_s).map(|(w, t)| w * w * t.ln()).sum::<f64>() / total;
-        for ((&z, &w), t) in sample.iter().zip(&weights).zip(times_s) {
-            if w == 0.0 {
-                continue;
-            }
-            let start = matrix.len();
-            matrix.resize(start + 255, 0.0);
-            let row = &mut matrix[start..];
-            let mut add = |z: u8, factor: f64| {
-                if z != 128 {
-                    row[column(usize::from(z))] += factor;
-                }
-            };
-            add(z, w);
-            for (&other, v) in sample.iter().zip(&weights) {
-                add(other, -w * v * v / total);
-            }
-            if JUDGED.contains(&z) {
-                judged.push(right.len());
-                judged_weight += w * w;
-            }
-            right.push(w * (t.ln() - mean_log_t));
-        }
-    }
-    // The more pixels, the more their equations weigh against smoothness: lambda is meant for a usual number of them.
-    let balance = (samples.len() as f64 / USUAL_SAMPLES).max(1.0).sqrt();
-    for z in 1..255usize {
-        let factor = lambda * balance * f64::from(weight(z as u8));
-        let start = matrix.len();
-        matrix.resize(start + 255, 0.0);
-        for (z, factor) in [(z - 1, factor), (z, -2.0 * factor), (z + 1, factor)] {
-            if z != 128 {
-                matrix[start + column(z)] = factor;
-            }
-        }
-        right.push(0.0);
-    }
-    let found = least_squares(right.len(), 255, &matrix, &right).ok_or("the equations are not finite")?;
+    let equations = Equations::of(samples, times_s, lambda);
+    let Equations { matrix, right, .. } = &equations;
+    let found = least_squares(right.len(), 255, matrix, right).ok_or("the equations are not finite")?;
     if found.rank < 255 {
         return Err(format!(
             "the equations have rank {} of 255: the pictures do not tell the response",
             found.rank
         ));
     }
-    let residual: f64 = judged
-        .iter()
-        .map(|&r| {
-            let row = &matrix[r * 255..(r + 1) * 255];
-            let fit: f64 = row.iter().zip(&found.solution).map(|(a, x)| a * x).sum();
-            (fit - right[r]).powi(2)
-        })
-        .sum();
-    let residual_rms = (residual / judged_weight).sqrt();
-    let mut g: [f64; 256] = std::array::from_fn(|z| if z == 128 { 0.0 } else { found.solution[column(z)] });
+    let residual_rms = equations.residual_rms(&found.solution);
+    let mut g: [f64; 256] =
+        std::array::from_fn(|z| if z == 128 { 0.0 } else { found.solution[Equations::column(z)] });
     pool_adjacent_violators(&mut g);
     if !(residual_rms <= WORST_RESIDUAL) {
         return Err(format!(

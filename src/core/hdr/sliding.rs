@@ -3,7 +3,7 @@
 use super::{
     linear_light::LinearLight,
     merge_bracket::{MAX_PICTURES, MergeError, merge_bracket},
-    register::{Fill, SATURATED, Warp},
+    register::{BoundFill, SATURATED, Warp},
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
@@ -44,7 +44,7 @@ pub enum SlidingError {
 
 /// One frame of the ring.
 #[derive(Debug)]
-struct Slot {
+struct RingFrame {
     pixels: Arc<Rgb8Image>,
     exposure: Exposure,
     world_from_camera: Option<Pose>,
@@ -65,7 +65,7 @@ pub struct SlidingMerge {
     brackets: usize,
     warp: Warp,
     /// Newest first.
-    slots: Vec<Slot>,
+    slots: Vec<RingFrame>,
     /// Buffers of dropped slots, to be used again.
     spare: Vec<Rgb8Image>,
     pushes: u64,
@@ -141,7 +141,7 @@ impl SlidingMerge {
             }
         }
         self.spare.extend(self.slots.drain(kept..).map(|slot| slot.redrawn));
-        let slot = Slot {
+        let slot = RingFrame {
             pixels: Arc::clone(&frame.pixels),
             exposure: frame.exposure,
             world_from_camera,
@@ -164,7 +164,7 @@ impl SlidingMerge {
                 let poses = newest.world_from_camera.zip(slot.world_from_camera);
                 slot.is_redrawn = poses.is_some_and(|(newest, older)| self.warp.aim(&newest, &older));
                 if slot.is_redrawn {
-                    let fill = Fill::new(response, newest.exposure, slot.exposure);
+                    let fill = BoundFill::new(response, newest.exposure, slot.exposure);
                     self.warp.apply(&slot.pixels, &newest.pixels, (&fill, &light), &mut slot.redrawn);
                 }
             }

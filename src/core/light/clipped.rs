@@ -13,7 +13,7 @@ const AT_THE_TOP: f32 = 0.999;
 
 /// Some neighbouring saturated pixels of one light.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cell {
+pub(super) struct ClippedCell {
     /// Which light, below [`MOST_LIGHTS`].
     pub light: usize,
     /// Unit centroid.
@@ -28,7 +28,7 @@ pub(super) struct Cell {
 
 /// One saturated sample.
 #[derive(Clone, Copy, Debug)]
-struct Member {
+struct ClippedSample {
     key: u64,
     sample: u32,
     cell: u32,
@@ -38,11 +38,11 @@ struct Member {
 /// The saturated lights of one picture; keeps its memory.
 #[derive(Debug, Default)]
 pub struct ClippedLights {
-    members: Vec<Member>,
+    members: Vec<ClippedSample>,
     label_of_pixel: Vec<u32>,
     stack: Vec<u32>,
     energies: Vec<f32>,
-    pub(super) cells: Vec<Cell>,
+    pub(super) cells: Vec<ClippedCell>,
 }
 
 impl ClippedLights {
@@ -92,7 +92,7 @@ impl ClippedLights {
                 let saturated = std::array::from_fn(|k| c[k] >= AT_THE_TOP * top[k]);
                 let (x, y) = (*pixel as usize % width, *pixel as usize / width);
                 let key = ((light as u64) << 48) | ((y as u64) << 24) | x as u64;
-                self.members.push(Member { key, sample: sample as u32, cell: 0, saturated });
+                self.members.push(ClippedSample { key, sample: sample as u32, cell: 0, saturated });
             }
         }
         self.gather_cells(samples);
@@ -139,7 +139,7 @@ impl ClippedLights {
                 last = Some(member.cell);
                 (moment, omega) = (Vec3::ZERO, 0.0);
                 let light = (member.key >> 48) as usize;
-                self.cells.push(Cell { light, density: 1.0, ..Cell::default() });
+                self.cells.push(ClippedCell { light, density: 1.0, ..ClippedCell::default() });
             }
             let index = self.cells.len() - 1;
             member.cell = index as u32;

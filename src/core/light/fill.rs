@@ -4,6 +4,7 @@
 use super::unwrap_ball::{BallView, FILL_DIRECTIONS, cell, reflect_corner, sane_radiance};
 use crate::math::{
     charts::ball_polar_angle, lens::Lens, pose::Pose, solve::solve_positive, sphere::sphere_point_reflecting,
+    spiral,
 };
 use crate::model::{
     image::{FILLED, HdrImage, LOWER_BOUND, NOT_FINITE},
@@ -16,15 +17,6 @@ use glam::{DVec2, DVec3, Vec3};
 const BIN_ROWS: usize = 16;
 /// Bins of a row, equal in azimuth.
 const BIN_COLUMNS: usize = 32;
-
-/// Direction j of n of equal area, on the Fibonacci spiral: z = 1 - 2 (j + 1/2)/n, phi = pi (1 + sqrt 5)(j + 1/2).
-pub fn spiral_direction(j: usize, n: usize) -> DVec3 {
-    let step = j as f64 + 0.5;
-    let z = 1.0 - 2.0 * step / n as f64;
-    let (sin, cos) = (std::f64::consts::PI * (1.0 + 5.0_f64.sqrt()) * step).sin_cos();
-    let s = (1.0 - z * z).max(0.0).sqrt();
-    DVec3::new(s * cos, s * sin, z)
-}
 
 /// The camera's own view of what lies behind the ball.
 pub struct PastTheBall<'a> {
@@ -79,7 +71,7 @@ impl PastTheBall<'_> {
 
 /// A part of the sphere of known light.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bin {
+struct FillBin {
     omega: f32,
     moment: Vec3,
     log_radiance: Vec3,
@@ -95,13 +87,13 @@ struct Known {
 
 /// Fills what is not seen; keeps its memory.
 #[derive(Debug, Default)]
-pub struct Fill {
-    bins: Vec<Bin>,
+pub struct BallFill {
+    bins: Vec<FillBin>,
     known: Vec<Known>,
     unseen: Vec<Vec3>,
 }
 
-impl Fill {
+impl BallFill {
     /// Appends samples for all directions that `cells` (width x height of `view`, solid angle in w) do not show, so that
     /// the solid angles in `out` sum to 4 pi, or with `above_horizon` to the 2 pi above z = 0. Returns the solid angle,
     /// in steradians, that had to be extrapolated (and has the flag `FILLED`).
@@ -159,7 +151,7 @@ impl Fill {
         let safe = ball_polar_angle(q, 0.9).filter(|_| view.whole).map_or(2.0, f64::cos);
         self.unseen.clear();
         for j in 0..FILL_DIRECTIONS {
-            let direction = spiral_direction(j, FILL_DIRECTIONS);
+            let direction = spiral::direction(j, FILL_DIRECTIONS);
             if above_horizon && direction.z <= 0.0 {
                 // The spiral runs downwards.
                 break;
@@ -190,7 +182,7 @@ impl Fill {
         // Black is a thousandth of the mean.
         let floor = (mean / total * 1e-3).max(Vec3::splat(f32::MIN_POSITIVE));
         self.bins.clear();
-        self.bins.resize(BIN_ROWS * BIN_COLUMNS, Bin::default());
+        self.bins.resize(BIN_ROWS * BIN_COLUMNS, FillBin::default());
         for (d, c) in samples.directions.iter().zip(&samples.radiance) {
             let bin = &mut self.bins[bin_of(Vec3::new(d[0], d[1], d[2]), BIN_ROWS, BIN_COLUMNS)];
             let light = Vec3::new(c[0], c[1], c[2]).max(floor);
@@ -254,7 +246,7 @@ pub(super) fn bin_of(direction: Vec3, rows: usize, columns: usize) -> usize {
 pub(super) fn append_lower_half(surface_rgb: [f32; 3], bits: u8, out: &mut RadianceSamples) {
     let omega = (4.0 * std::f64::consts::PI / FILL_DIRECTIONS as f64) as f32;
     for j in FILL_DIRECTIONS / 2..FILL_DIRECTIONS {
-        let d = spiral_direction(j, FILL_DIRECTIONS).as_vec3();
+        let d = spiral::direction(j, FILL_DIRECTIONS).as_vec3();
         out.directions.push([d.x, d.y, d.z, omega]);
         out.radiance.push([surface_rgb[0], surface_rgb[1], surface_rgb[2], f32::from(bits)]);
     }

@@ -31,8 +31,8 @@ pub struct Follow {
     halve: HalveOptions,
     halver: Halver,
     filtered: [[f64; 3]; MAX_COEFFICIENTS],
-    weights: Weights,
-    noise: Noise,
+    weights: UpdateWeights,
+    noise: MomentNoise,
     last: Option<LightEstimate>,
     wanted: Wanted,
     prefilter: Prefilter,
@@ -43,12 +43,12 @@ pub struct Follow {
 
 /// How many updates entered, and the sum of their squared weights: 1 over their effective number.
 #[derive(Clone, Copy, Debug, Default)]
-struct Weights {
+struct UpdateWeights {
     updates: u64,
     squared: f64,
 }
 
-impl Weights {
+impl UpdateWeights {
     /// Lets one more in, `dt_s` after the last; gives its weight.
     fn enter(&mut self, dt_s: f64, tau_s: f64) -> f64 {
         self.updates += 1;
@@ -61,13 +61,13 @@ impl Weights {
 
 /// Running mean and scatter of the gray first moment.
 #[derive(Clone, Copy, Debug, Default)]
-struct Noise {
-    weights: Weights,
+struct MomentNoise {
+    weights: UpdateWeights,
     mean: DVec3,
     scatter: DMat3,
 }
 
-impl Noise {
+impl MomentNoise {
     fn enter(&mut self, moment: DVec3, dt_s: f64, tau_s: f64) {
         let alpha = self.weights.enter(dt_s, tau_s);
         let off = moment - self.mean;
@@ -109,8 +109,8 @@ impl Follow {
             halve,
             halver: Halver::new(halve),
             filtered: [[0.0; 3]; MAX_COEFFICIENTS],
-            weights: Weights::default(),
-            noise: Noise::default(),
+            weights: UpdateWeights::default(),
+            noise: MomentNoise::default(),
             last: None,
             wanted: Wanted::default(),
             prefilter: Prefilter::default(),
@@ -265,19 +265,6 @@ mod tests {
         follow.estimate(t).unwrap().total.rgb[0][0] / sun(2, DVec3::Z, 1.0).rgb[0][0]
     }
 
-    /// Standard normal numbers, by Box-Muller from a linear congruential generator.
-    struct Normal(u64);
-    impl Normal {
-        fn uniform(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-        }
-        fn next(&mut self) -> f64 {
-            let radius = (-2.0 * self.uniform().ln()).sqrt();
-            radius * (2.0 * std::f64::consts::PI * self.uniform()).cos()
-        }
-    }
-
     #[test]
     fn nothing_then_measured_then_held() {
         let mut follow = Follow::new(0.3, halving());
@@ -421,12 +408,12 @@ mod tests {
         for (tau, updates) in [(0.0, 40), (0.4, 5), (0.4, 12), (0.4, 200)] {
             let (mut inside, trials) = (0, 1500);
             for seed in 0..trials {
-                let mut normal = Normal(seed * 77 + 5);
+                let mut dice = crate::math::dice::Dice::new(seed * 77 + 5);
                 let mut follow = Follow::new(tau, halving());
                 for k in 0..updates {
                     let mut light = sun(2, truth, 2.0);
                     for row in 1..4 {
-                        let noise = 0.03 * normal.next() as f32;
+                        let noise = 0.03 * dice.normal() as f32;
                         light.rgb[row] = light.rgb[row].map(|c| c + noise);
                     }
                     follow.update(at(33 * k), &light, &LightFlags::default(), &RadianceSamples::default());

@@ -119,9 +119,7 @@ mod tests {
         let mut samples = RadianceSamples::default();
         for k in 0..20_000 {
             let z = 1.0 - (k as f32 + 0.5) / 10_000.0;
-            let (s, c) = (2.399_963_3 * k as f32).sin_cos();
-            let r = (1.0 - z * z).sqrt();
-            let d = Vec3::new(r * c, r * s, z);
+            let d = ((1.0 - z * z).sqrt() * crate::math::spiral::turn_f32(k)).extend(z);
             let bright = if d.angle_between(to_light) < 3f32.to_radians() { 300.0 } else { 0.1 };
             samples.directions.push([d.x, d.y, d.z, 4.0 * PI / 20_000.0]);
             samples.radiance.push([bright; 4]);

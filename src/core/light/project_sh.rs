@@ -17,7 +17,7 @@ const GROUPS: usize = BLOCK_SAMPLES / LANES;
 /// From this many leaves on, the two halves of a tree run on two threads.
 const PARALLEL_LEAVES: usize = 64;
 
-type Lanes = [f32; LANES];
+type LeafLanes = [f32; LANES];
 type Sum = [[f32; 3]; MAX_COEFFICIENTS];
 
 /// Projects radiance on SH: L_i = sum over samples of L * y_i(direction) * solid angle (Eq. 2 of [Now11], i below
@@ -73,8 +73,8 @@ fn leaf<const ORDER: usize>(directions: &[[f32; 4]], radiance: &[[f32; 4]]) -> S
         let groups = directions.len().div_ceil(LANES);
         for (group, (d, c)) in directions.chunks(LANES).zip(radiance.chunks(LANES)).enumerate() {
             // Lanes beyond the last sample get no weight and an arbitrary direction.
-            let mut axes: [Lanes; 3] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
-            let mut light: [Lanes; 3] = [[0.0; LANES]; 3];
+            let mut axes: [LeafLanes; 3] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
+            let mut light: [LeafLanes; 3] = [[0.0; LANES]; 3];
             for (lane, (d, c)) in d.iter().zip(c).enumerate() {
                 for axis in 0..3 {
                     axes[axis][lane] = d[axis];
@@ -105,9 +105,9 @@ fn leaf<const ORDER: usize>(directions: &[[f32; 4]], radiance: &[[f32; 4]]) -> S
 /// [`crate::math::sh::basis::evaluate`] for four directions at once, with the same operations in the same order.
 #[inline(always)]
 fn evaluate_lanes<const ORDER: usize>(
-    [x, y, z]: [Lanes; 3],
+    [x, y, z]: [LeafLanes; 3],
     group: usize,
-    out: &mut [[Lanes; GROUPS]; MAX_COEFFICIENTS],
+    out: &mut [[LeafLanes; GROUPS]; MAX_COEFFICIENTS],
 ) {
     let (mut re, mut im) = ([1.0; LANES], [0.0; LANES]);
     for m in 0..ORDER {
@@ -129,7 +129,7 @@ fn evaluate_lanes<const ORDER: usize>(
 }
 
 #[inline(always)]
-fn each(f: impl Fn(usize) -> f32) -> Lanes {
+fn each(f: impl Fn(usize) -> f32) -> LeafLanes {
     std::array::from_fn(f)
 }
 

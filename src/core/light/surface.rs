@@ -43,7 +43,7 @@ const ROUNDS: usize = 12;
 
 /// One block of surface pixels.
 #[derive(Clone, Copy, Debug)]
-struct Point {
+struct SurfaceBlock {
     /// Unit vector to the ball's centre.
     to_ball: Vec3,
     /// Sine and cosine of the ball's angular radius.
@@ -53,7 +53,7 @@ struct Point {
     radiance: [f64; 3],
 }
 
-impl Point {
+impl SurfaceBlock {
     /// Share of a small disc of light that the ball leaves visible: a ramp as wide as the disc, in the cosine.
     fn visible(&self, direction: Vec3, radius_rad: f32) -> f32 {
         let width = 2.0 * radius_rad.max(1e-3);
@@ -64,7 +64,7 @@ impl Point {
 
 /// Part of the upper half sphere.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bin {
+struct SphereBin {
     moment: Vec3,
     weight: f32,
     irradiance: Vec3,
@@ -92,12 +92,12 @@ struct Solution {
 /// (Richardson-Lucy, until the misfit is noise) and the fit is repeated.
 #[derive(Debug, Default)]
 pub struct SurfaceFit {
-    points: Vec<Point>,
+    points: Vec<SurfaceBlock>,
     /// Whether the surface's own look was divided out of the points.
     bare: bool,
     /// Irradiance on the unshadowed surface, without what saturated lights lack.
     total: [f64; 3],
-    bins: Vec<Bin>,
+    bins: Vec<SphereBin>,
     known: Vec<(Vec3, f32, Vec3)>,
     /// For each point and channel: irradiance of all samples as they are, the ball in the way.
     irradiance: Vec<[f64; 3]>,
@@ -159,7 +159,7 @@ impl SurfaceFit {
                     }
                 }
                 let sine = ball.radius_m / length;
-                self.points.push(Point {
+                self.points.push(SurfaceBlock {
                     to_ball: (offset / length).as_vec3(),
                     ball_sin: sine as f32,
                     ball_cos: (1.0 - sine * sine).sqrt() as f32,
@@ -224,7 +224,7 @@ impl SurfaceFit {
     /// The light as some hundred discs: centroid, angular radius and irradiance on the surface.
     fn gather_bins(&mut self, samples: &RadianceSamples) {
         self.bins.clear();
-        self.bins.resize(BIN_ROWS * BIN_COLUMNS, Bin::default());
+        self.bins.resize(BIN_ROWS * BIN_COLUMNS, SphereBin::default());
         let gray = Vec3::from_array(GRAY_PAPER);
         for (d, c) in samples.directions.iter().zip(&samples.radiance) {
             let direction = Vec3::new(d[0], d[1], d[2]);
@@ -430,7 +430,12 @@ fn predict(
 
 /// Irradiance of the discs on the surface at a point, the ball in the way: all of it less what is hidden (of most
 /// discs nothing is, which one comparison tells).
-fn irradiance_at(point: &Point, known: &[(Vec3, f32, Vec3)], widest_rad: f32, total: &[f64; 3]) -> [f64; 3] {
+fn irradiance_at(
+    point: &SurfaceBlock,
+    known: &[(Vec3, f32, Vec3)],
+    widest_rad: f32,
+    total: &[f64; 3],
+) -> [f64; 3] {
     let widest = 2.0 * widest_rad;
     let near = point.ball_cos - 0.5 * widest * point.ball_sin.max(0.5 * widest);
     let mut hidden = Vec3::ZERO;

@@ -311,7 +311,7 @@ pub struct BallUnwrapper {
     corners: Vec<[f32; 4]>,
     cells: Vec<[f32; 4]>,
     pixel_of_sample: Vec<u32>,
-    fill: fill::Fill,
+    fill: fill::BallFill,
     surface: SurfaceFit,
     clipped: ClippedLights,
 }

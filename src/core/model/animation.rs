@@ -25,7 +25,7 @@ impl Transform {
 
 /// A node of a skeleton.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Node {
+pub struct SkeletonNode {
     /// As the file names it; may be empty.
     pub name: String,
     /// Index of its parent, always below its own; `None`: stands in the skeleton's root frame.
@@ -47,7 +47,7 @@ pub struct Joint {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     /// Parents before children.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<SkeletonNode>,
     /// What `FigurePart` counts in.
     pub joints: Vec<Joint>,
     /// The figure's frame (z up, faces -y) from the frame that root nodes stand in.
@@ -211,7 +211,7 @@ impl Figure {
         world_from_object: Affine3A,
         spheres: impl Iterator<Item = (Vec3, f32)>,
     ) -> Self {
-        let root = Node { name: String::new(), parent: None, rest: Transform::IDENTITY };
+        let root = SkeletonNode { name: String::new(), parent: None, rest: Transform::IDENTITY };
         let joint = Joint { node: 0, node_from_bind: Affine3A::IDENTITY };
         let spheres: Vec<BoundSphere> = spheres
             .map(|(centre_node, radius_node)| BoundSphere { node: 0, centre_node, radius_node })

@@ -1,6 +1,6 @@
 //! What a camera delivers.
 
-use super::{image::Rgb8Image, time::Timestamp};
+use super::{image::Rgb8Image, pixels::FramePixels, time::Timestamp};
 use std::sync::Arc;
 
 /// What the sensor truly applied to one frame.
@@ -19,7 +19,7 @@ impl Exposure {
     }
 }
 
-/// One camera frame, as captured.
+/// One camera frame, ready for the stages: 8-bit RGB.
 #[derive(Clone, Debug)]
 pub struct RawFrame {
     /// Counts every frame that the camera made; a gap means frames were lost.
@@ -30,4 +30,17 @@ pub struct RawFrame {
     pub exposure: Exposure,
     /// 8-bit RGB through the camera's response.
     pub pixels: Arc<Rgb8Image>,
+}
+
+/// One camera frame as its driver gives it, in any format; `device::developed` makes a [`RawFrame`] of it.
+#[derive(Clone, Debug)]
+pub struct CapturedFrame {
+    /// Counts every frame that the camera made; a gap means frames were lost.
+    pub sequence: u64,
+    /// Middle of the exposure of the middle row, on the monotonic clock.
+    pub t_mid: Timestamp,
+    /// As truly applied.
+    pub exposure: Exposure,
+    /// The bytes, their format, and the time from row to row.
+    pub pixels: FramePixels,
 }

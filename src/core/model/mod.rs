@@ -9,6 +9,7 @@ pub mod image;
 pub mod imu;
 pub mod light;
 pub mod picture;
+pub mod pixels;
 pub mod quality;
 pub mod response;
 pub mod rig;

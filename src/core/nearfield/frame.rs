@@ -115,6 +115,7 @@ impl NearFrame {
             front: light.normal_world,
         });
         self.maps.fit(lights, quality.places, &self.casters, quality.texels);
+        self.maps.provide(count);
         self.reads.clear();
         let cameras = self.maps.cameras();
         self.reads

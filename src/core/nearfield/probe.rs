@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     light::maps,
-    math::sphere,
+    math::{sphere, spiral::turn_f32},
     model::{
         image::RadianceImage,
         light::{EnvironmentMap, MapLayout, RadianceSamples},
@@ -177,10 +177,8 @@ fn stands_inside(faces: &Faces, at: Vec3) -> Result<(), RoomError> {
 /// The k-th of `count` directions spread evenly over the sphere.
 fn spiral(k: usize, count: usize) -> Vec3 {
     let z = 1.0 - (2 * k + 1) as f32 / count as f32;
-    // The golden angle.
-    let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
     let radius = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(radius * cos, radius * sin, z)
+    (radius * turn_f32(k)).extend(z)
 }
 
 fn flux(samples: &RadianceSamples) -> [f64; 3] {

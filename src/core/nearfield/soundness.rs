@@ -1,7 +1,7 @@
 //! What may be wrong with the geometry of a room: open edges, faces without area, faces that look outwards.
 
 use crate::{
-    math::bvh::Bvh,
+    math::{bvh::Bvh, spiral},
     model::room::{Face, Room},
 };
 use glam::{DVec3, Vec3};
@@ -125,11 +125,10 @@ fn open_edges(flats: &[Flat], diagonal: f64) -> (usize, f32) {
 
 /// The k-th of `RAYS` directions spread by the cosine about a unit vector.
 fn about(normal: Vec3, k: usize) -> Vec3 {
-    // The golden angle.
-    let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
+    let turn = spiral::turn_f32(k);
     let radius = ((k as f32 + 0.5) / RAYS as f32).sqrt();
     let (across, along) = normal.any_orthonormal_pair();
-    across * (radius * cos) + along * (radius * sin) + normal * (1.0 - radius * radius).max(0.0).sqrt()
+    across * (radius * turn.x) + along * (radius * turn.y) + normal * (1.0 - radius * radius).max(0.0).sqrt()
 }
 
 #[cfg(test)]

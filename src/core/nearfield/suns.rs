@@ -190,8 +190,7 @@ mod tests {
         let mut sun_flux = 0.0;
         for k in 0..count {
             let z = 1.0 - 2.0 * (k as f32 + 0.5) / count as f32;
-            let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
-            let d = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let d = ((1.0 - z * z).sqrt() * crate::math::spiral::turn_f32(k)).extend(z);
             let solid_angle = 4.0 * PI / count as f32;
             samples.directions.push(d.extend(solid_angle).to_array());
             let in_sun = d.angle_between(towards) < half_angle;

@@ -1,7 +1,7 @@
 //! How far subtraction from displayed values in two sets is off: the experiment behind Figure 3 of [Gib03].
 
 use super::intensity::{by_turns, intensity_transfers};
-use crate::math::sh::Real;
+use crate::math::{dice, sh::Real};
 
 /// How strong the sources are, before they are scaled to sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,14 +105,12 @@ struct Chance(u64);
 
 impl Chance {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0 = self.0.wrapping_add(dice::STEP);
+        dice::mix(self.0)
     }
 
     fn uniform(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        dice::unit(self.next())
     }
 
     fn strength(&mut self, strengths: Strengths) -> f64 {

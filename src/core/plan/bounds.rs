@@ -159,12 +159,9 @@ mod tests {
     /// Some light of an order, with numbers that follow no pattern.
     fn light(order: usize, seed: u32) -> RadianceSh {
         let mut light = RadianceSh::zero(order);
-        let mut state = seed;
+        let mut dice = crate::math::dice::Dice::new(u64::from(seed));
         for row in light.rgb.iter_mut().take(order * order) {
-            *row = [(); 3].map(|()| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-            });
+            *row = [(); 3].map(|()| 2.0 * dice.unit_f32() - 1.0);
         }
         light
     }

@@ -179,6 +179,7 @@ impl Governor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::dice::Dice;
     use crate::model::quality::Quality;
     use proptest::prelude::*;
 
@@ -195,20 +196,17 @@ mod tests {
     struct Machine {
         governor: Governor,
         t_s: f64,
-        dice: u64,
+        dice: Dice,
     }
 
     impl Machine {
         fn new(goal: Goal, seed: u64) -> Self {
-            Self { governor: Governor::new(front(), goal).unwrap(), t_s: 0.0, dice: seed | 1 }
+            Self { governor: Governor::new(front(), goal).unwrap(), t_s: 0.0, dice: Dice::new(seed) }
         }
 
         /// -1 to 1.
         fn throw(&mut self) -> f32 {
-            self.dice ^= self.dice << 13;
-            self.dice ^= self.dice >> 7;
-            self.dice ^= self.dice << 17;
-            (self.dice >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+            2.0 * self.dice.unit_f32() - 1.0
         }
 
         /// One frame: its time, and whether the step changed after it.

@@ -28,7 +28,7 @@ pub struct Leaf {
 
 /// A representative of the leaves below one node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Representative {
+pub struct FarRepresentative {
     /// Median of the leaves' places by luminous flux: along the node's two main axes, and from there towards the place of
     /// least mean distance. Not normalised.
     pub at: Vec3,
@@ -44,26 +44,26 @@ pub struct Representative {
 
 /// A node: a range of the list of leaves, and what splitting it would gain.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct CutNode {
     start: usize,
     end: usize,
     gain: f64,
     axis: DVec3,
     threshold: f64,
-    made: Representative,
+    made: FarRepresentative,
 }
 
 /// Cuts; keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct Cutter {
     leaves: Vec<Leaf>,
-    nodes: Vec<Node>,
-    made: Vec<Representative>,
+    nodes: Vec<CutNode>,
+    made: Vec<FarRepresentative>,
 }
 
 impl Cutter {
     /// What the last cut gave.
-    pub fn representatives(&self) -> &[Representative] {
+    pub fn representatives(&self) -> &[FarRepresentative] {
         &self.made
     }
 
@@ -71,7 +71,7 @@ impl Cutter {
     /// `count` lasts, roots of more flux first, and the leaves of roots left out are not represented. Fewer come where
     /// nothing is left to split. Order: by root, then by where they lie in the tree. Leaves without positive,
     /// finite luminous flux or with a place that is not finite are passed over.
-    pub fn cut(&mut self, leaves: &[Leaf], count: usize) -> &[Representative] {
+    pub fn cut(&mut self, leaves: &[Leaf], count: usize) -> &[FarRepresentative] {
         self.leaves.clear();
         self.leaves
             .extend(leaves.iter().filter(|l| l.at.is_finite() && weight(l) > 0.0 && weight(l).is_finite()));
@@ -118,7 +118,7 @@ fn weight(leaf: &Leaf) -> f64 {
     f64::from(color::luminance(leaf.flux_rgb))
 }
 
-fn luminous(made: &Representative) -> f64 {
+fn luminous(made: &FarRepresentative) -> f64 {
     f64::from(color::luminance(made.flux_rgb))
 }
 
@@ -135,7 +135,7 @@ fn partition(leaves: &mut [Leaf], axis: DVec3, threshold: f64) -> usize {
 }
 
 /// Sums, main axes, and the best split of a range.
-fn examine(leaves: &[Leaf], start: usize, end: usize) -> Node {
+fn examine(leaves: &[Leaf], start: usize, end: usize) -> CutNode {
     let range = &leaves[start..end];
     let mut flux = [0.0f64; 3];
     let (mut total, mut mean) = (0.0, DVec3::ZERO);
@@ -163,20 +163,20 @@ fn examine(leaves: &[Leaf], start: usize, end: usize) -> Node {
     let mut by_size = [0, 1, 2];
     by_size.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
     let axes = [by_size[0], by_size[1]].map(|k| DVec3::from(vectors[k]));
-    let profiles = axes.map(|axis| Profile::of(range, axis, total));
+    let profiles = axes.map(|axis| FluxProfile::of(range, axis, total));
     let mut at = mean;
     for (axis, profile) in axes.iter().zip(&profiles) {
         at += *axis * (profile.median() - axis.dot(mean));
     }
     at = towards_geometric_median(range, at, total);
     let squared = total * total;
-    let mut node = Node {
+    let mut node = CutNode {
         start,
         end,
         gain: 0.0,
         axis: axes[0],
         threshold: 0.0,
-        made: Representative {
+        made: FarRepresentative {
             at: at.as_vec3(),
             mean: mean.as_vec3(),
             flux_rgb: flux.map(|c| c as f32),
@@ -209,14 +209,14 @@ fn examine(leaves: &[Leaf], start: usize, end: usize) -> Node {
 }
 
 /// The flux of a node along an axis.
-struct Profile {
+struct FluxProfile {
     low: f64,
     width: f64,
     /// Share of the flux below each bin's lower end; the last is 1.
     cumulative: [f64; BINS + 1],
 }
 
-impl Profile {
+impl FluxProfile {
     fn of(leaves: &[Leaf], axis: DVec3, total: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for leaf in leaves {

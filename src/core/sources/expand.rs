@@ -94,7 +94,7 @@ struct TreeState {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Open {
+struct OpenNode {
     tree: u32,
     node: u32,
     priority: f64,
@@ -105,7 +105,7 @@ struct Open {
 pub struct Expander {
     frame: u32,
     trees: Vec<TreeState>,
-    open: Vec<Open>,
+    open: Vec<OpenNode>,
     chosen: Vec<Chosen>,
 }
 
@@ -137,11 +137,11 @@ impl Expander {
             }
             if state.sums.first().is_some_and(|root| root.marked > 0) {
                 let node = state.pass_through(marked.tree, 0);
-                self.open.push(Open { tree: index as u32, node, priority: 0.0 });
+                self.open.push(OpenNode { tree: index as u32, node, priority: 0.0 });
             }
         }
         if self.open.len() > count {
-            let light = |o: &Open| {
+            let light = |o: &OpenNode| {
                 let state = &self.trees[o.tree as usize];
                 let held = state.represented == self.frame.wrapping_sub(1);
                 state.sums[o.node as usize].light * if held { TREE_HELD } else { 1.0 }
@@ -166,7 +166,7 @@ impl Expander {
             let children = tree.nodes()[open.node as usize].children;
             let [left, right] = [0, 1].map(|k| state.pass_through(tree, children + k));
             for (slot, node) in [(at, left), (self.open.len(), right)] {
-                let mut child = Open { tree: open.tree, node, priority: 0.0 };
+                let mut child = OpenNode { tree: open.tree, node, priority: 0.0 };
                 child.priority = self.priority(trees, child, by);
                 if slot < self.open.len() {
                     self.open[slot] = child;
@@ -178,7 +178,7 @@ impl Expander {
         self.open.sort_unstable_by_key(|o| (o.tree, o.node));
         self.chosen.clear();
         for i in 0..self.open.len() {
-            let Open { tree, node, .. } = self.open[i];
+            let OpenNode { tree, node, .. } = self.open[i];
             let state = &mut self.trees[tree as usize];
             let centre = state.centre(&trees[tree as usize], node, self.frame);
             let sums = &state.sums[node as usize];
@@ -188,7 +188,7 @@ impl Expander {
         &self.chosen
     }
 
-    fn priority(&self, trees: &[Marked<'_>], open: Open, by: Priority) -> f64 {
+    fn priority(&self, trees: &[Marked<'_>], open: OpenNode, by: Priority) -> f64 {
         let state = &self.trees[open.tree as usize];
         let sums = &state.sums[open.node as usize];
         if sums.marked < 2 {

@@ -8,7 +8,7 @@ use crate::math::{rigid::Quaternion, sh::Real, vector::Vector};
 
 /// One camera's centre in both frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View<T = f64> {
+pub struct MapView<T = f64> {
     /// In the known frame, metres.
     pub known_m: Vector<T, 3>,
     /// In the map, in its own unit.
@@ -31,13 +31,13 @@ const LEAST_BASELINE: f64 = 0.05;
 /// o = q - s R p with the means p, q. Works for parallel lines of sight too; the numbers are centred first, so that
 /// f32 keeps its digits far from the origin. `None` with fewer than two views, with a spread (root mean square)
 /// below 5 % of their distance from the known origin, or where the scale is not above 0.
-pub fn place<T: Real>(map_from_known: Quaternion<T>, views: &[View<T>]) -> Option<Placement<T>> {
+pub fn place<T: Real>(map_from_known: Quaternion<T>, views: &[MapView<T>]) -> Option<Placement<T>> {
     if views.len() < 2 {
         return None;
     }
     let share = T::one() / T::of(views.len() as f64);
-    let turned = |view: &View<T>| map_from_known.rotate(view.known_m);
-    let mean = |of: &dyn Fn(&View<T>) -> Vector<T, 3>| {
+    let turned = |view: &MapView<T>| map_from_known.rotate(view.known_m);
+    let mean = |of: &dyn Fn(&MapView<T>) -> Vector<T, 3>| {
         views.iter().fold(Vector::zero(), |sum, view| sum + of(view)) * share
     };
     let (known, map) = (mean(&turned), mean(&|view| view.map));
@@ -57,7 +57,7 @@ pub fn place<T: Real>(map_from_known: Quaternion<T>, views: &[View<T>]) -> Optio
 /// The scale from two views alone: the lines from each q_i along -R p_i meet in the known origin, at the parameter t
 /// of the second, which is s. Noise keeps them from meeting: t is where the second comes nearest to the first.
 /// `None` for parallel lines.
-pub fn scale_of_two<T: Real>(map_from_known: Quaternion<T>, [first, second]: &[View<T>; 2]) -> Option<T> {
+pub fn scale_of_two<T: Real>(map_from_known: Quaternion<T>, [first, second]: &[MapView<T>; 2]) -> Option<T> {
     let (a, b) = (-map_from_known.rotate(first.known_m), -map_from_known.rotate(second.known_m));
     let between = first.map - second.map;
     // |a|^2 |b|^2 - (a.b)^2 as a cross product: no cancellation for narrow angles.
@@ -70,7 +70,7 @@ pub fn scale_of_two<T: Real>(map_from_known: Quaternion<T>, [first, second]: &[V
 /// section 8), and nothing where the lines differ in z only. To compare with.
 pub fn scale_of_two_flat<T: Real>(
     map_from_known: Quaternion<T>,
-    [first, second]: &[View<T>; 2],
+    [first, second]: &[MapView<T>; 2],
 ) -> Option<T> {
     let flat = |v: Vector<T, 3>| Vector([v.0[0], v.0[1]]);
     let (a, b) = (flat(-map_from_known.rotate(first.known_m)), flat(-map_from_known.rotate(second.known_m)));
@@ -83,8 +83,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn views(turn: Quaternion<f64>, scale: f64, origin: Vector<f64, 3>, known: &[[f64; 3]]) -> Vec<View> {
-        let view = |p: &[f64; 3]| View { known_m: Vector(*p), map: origin + turn.rotate(Vector(*p)) * scale };
+    fn views(turn: Quaternion<f64>, scale: f64, origin: Vector<f64, 3>, known: &[[f64; 3]]) -> Vec<MapView> {
+        let view =
+            |p: &[f64; 3]| MapView { known_m: Vector(*p), map: origin + turn.rotate(Vector(*p)) * scale };
         known.iter().map(view).collect()
     }
 
@@ -123,8 +124,8 @@ mod tests {
             prop_assert!((got.scale / scale - 1.0).abs() < 1e-13);
             prop_assert!((got.origin - Vector(origin)).length() < 1e-13 * (10.0 + scale));
             let narrow = |v: Vector<f64, 3>| Vector(v.0.map(|x| x as f32));
-            let slim: Vec<View<f32>> =
-                views.iter().map(|v| View { known_m: narrow(v.known_m), map: narrow(v.map) }).collect();
+            let slim: Vec<MapView<f32>> =
+                views.iter().map(|v| MapView { known_m: narrow(v.known_m), map: narrow(v.map) }).collect();
             let slim = place(Quaternion(turn.0.map(|v| v as f32)), &slim).unwrap();
             // The map's coordinates are rounded to 2^-24 of their size; the spread is half a metre times the scale.
             let size = 10.0 + scale;

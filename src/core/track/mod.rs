@@ -3,6 +3,7 @@
 pub mod align;
 pub mod drawing;
 pub mod edges;
+pub mod fuse;
 pub mod minima;
 pub mod plane;
 pub mod refine;

@@ -64,7 +64,7 @@ const MARGIN: (f64, f64) = (10.0, 0.3);
 const LARGEST_SHARE: f64 = 0.6;
 
 #[derive(Clone, Copy, Debug)]
-struct Measured {
+struct MeasuredPose {
     t: Timestamp,
     world_from_camera: Pose,
     sigma: PoseSigma,
@@ -82,7 +82,7 @@ struct Velocity {
 pub struct TrackState {
     rig: Rig,
     options: FollowOptions,
-    last: Option<Measured>,
+    last: Option<MeasuredPose>,
     velocity: Option<Velocity>,
     /// Time of the newest picture that was looked at, tag or none.
     newest: Option<Timestamp>,
@@ -190,7 +190,7 @@ impl TrackState {
         };
         self.misses = 0;
         self.follow_velocity(t, &found);
-        self.last = Some(Measured { t, world_from_camera: found.world_from_camera, sigma: found.sigma });
+        self.last = Some(MeasuredPose { t, world_from_camera: found.world_from_camera, sigma: found.sigma });
         Update::Measured { tags: found.tags, rms_px: found.rms_px }
     }
 
@@ -242,7 +242,7 @@ impl TrackState {
         (age_s <= self.options.reset_gap_s).then(|| self.extrapolate(&last, age_s))
     }
 
-    fn extrapolate(&self, last: &Measured, age_s: f64) -> (Pose, PoseSigma) {
+    fn extrapolate(&self, last: &MeasuredPose, age_s: f64) -> (Pose, PoseSigma) {
         // Beyond `predict_s` the pose stays where the model had brought it; its uncertainty goes on growing.
         let moved_s = age_s.min(self.options.predict_s);
         let (pose, unknown) = match self.velocity {

@@ -461,12 +461,11 @@ mod tests {
             assert!(out.is_empty());
         }
         // Noise of all shapes: nothing to find, nothing to trip over.
-        let mut seed = 7u32;
+        let mut dice = crate::math::dice::Dice::new(7);
         for (decimate, width, height) in [(1, 13, 40), (2, 41, 17), (3, 64, 12), (8, 12, 300), (8, 95, 97)] {
             let mut noise = Image::filled(width, height, 0u8);
             for pixel in noise.pixels_mut() {
-                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *pixel = (seed >> 24) as u8;
+                *pixel = (dice.bits() >> 56) as u8;
             }
             let options = TagOptions { decimate, quad_sigma_px: 0.0, ..TagOptions::default() };
             TagDetector::new(options).unwrap().detect(&noise, None, &mut out).unwrap();

@@ -13,7 +13,7 @@ mod thickness;
 mod voxels;
 
 use glam::Vec3;
-use refine::{Found, refine, relocate};
+use refine::{FoundSphere, refine, relocate};
 use voxels::Voxels;
 
 /// Fewest spheres that are fitted to an object by default rules.
@@ -60,7 +60,7 @@ pub fn fit(
     progress(0.0);
     let mut voxels = Voxels::of_mesh(positions, triangles)?;
     progress(0.2);
-    let mut found: Vec<Found> = clusters(&voxels, count);
+    let mut found: Vec<FoundSphere> = clusters(&voxels, count);
     found.iter().for_each(|sphere| voxels.add(sphere, 1));
     progress(0.3);
     refine(&mut voxels, &mut found);
@@ -83,7 +83,7 @@ pub fn fit(
 }
 
 /// Lloyd's iteration on the inner cubes from farthest points; each cluster gives the ball of its volume.
-fn clusters(voxels: &Voxels, count: usize) -> Vec<Found> {
+fn clusters(voxels: &Voxels, count: usize) -> Vec<FoundSphere> {
     let points = voxels.inner_points();
     let middle = points.iter().sum::<glam::DVec3>() / points.len().max(1) as f64;
     let mut nearest2 = vec![f64::INFINITY; points.len()];
@@ -127,7 +127,7 @@ fn clusters(voxels: &Voxels, count: usize) -> Vec<Found> {
         }
     }
     let ball = |size: usize| (3.0 * size.max(1) as f64 / (4.0 * std::f64::consts::PI)).cbrt();
-    centres.iter().zip(&sizes).map(|(&centre, &size)| Found { centre, radius: ball(size) }).collect()
+    centres.iter().zip(&sizes).map(|(&centre, &size)| FoundSphere { centre, radius: ball(size) }).collect()
 }
 
 /// After so many rounds clusters hardly change.

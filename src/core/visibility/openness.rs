@@ -1,6 +1,9 @@
 //! How open each vertex of an object is to the light around it: its own self-shadow, found once when it is loaded.
 
-use crate::{math::bvh::Bvh, model::scene::Mesh};
+use crate::{
+    math::{bvh::Bvh, spiral},
+    model::scene::Mesh,
+};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -39,7 +42,7 @@ pub fn of_parts(meshes: &[&Mesh], rays: u32, progress: &(dyn Fn(f32) + Sync)) ->
     }
     let bvh = Bvh::build(&positions, &triangles);
     let diagonal = bvh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-    let spiral = spiral(rays);
+    let spiral = spiral::upper(rays as usize, spiral::by_cosine);
     let total = meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>().max(1);
     let done = AtomicUsize::new(0);
     meshes
@@ -55,19 +58,6 @@ pub fn of_parts(meshes: &[&Mesh], rays: u32, progress: &(dyn Fn(f32) + Sync)) ->
                 progress(now as f32 / total as f32);
             });
             open
-        })
-        .collect()
-}
-
-/// Directions about +z whose density is the cosine: a spiral by the golden angle, equal areas of the unit disc.
-fn spiral(rays: u32) -> Vec<Vec3> {
-    let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..rays)
-        .map(|i| {
-            let r2 = (f64::from(i) + 0.5) / f64::from(rays);
-            let (sine, cosine) = (golden_angle * f64::from(i)).sin_cos();
-            let r = r2.sqrt();
-            Vec3::new((r * cosine) as f32, (r * sine) as f32, (1.0 - r2).sqrt() as f32)
         })
         .collect()
 }

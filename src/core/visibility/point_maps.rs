@@ -16,7 +16,7 @@ mod camera;
 mod part;
 mod reads;
 
-pub use camera::{PointCamera, PointLight, View};
+pub use camera::{PlaceView, PointCamera, PointLight};
 pub use part::{SeenPart, WHOLE, share};
 pub use reads::PlaceReads;
 
@@ -43,16 +43,10 @@ pub struct PointMaps {
     cameras: Vec<Option<PointCamera>>,
     /// Views of each light.
     views: usize,
+    /// Texels a side of a view.
+    view_texels: usize,
     /// Light by light, view by view.
     maps: Vec<ShadowMap>,
-    cut: Vec<Cut>,
-}
-
-/// Casters cut off at a near plane.
-#[derive(Clone, Debug, Default)]
-struct Cut {
-    vertices: Vec<[f32; 3]>,
-    triangles: Vec<[u32; 3]>,
 }
 
 impl PointMaps {
@@ -75,20 +69,31 @@ impl PointMaps {
         let view_texels = square_texels(texels, side) / side;
         self.cameras.extend(lights.map(|light| PointCamera::fit_places(&light, side, casters, view_texels)));
         self.views = (side * side) as usize;
-        let count = self.cameras.len() * self.views;
+        self.view_texels = view_texels as usize;
+        self.provide(self.cameras.len());
+    }
+
+    /// Provides maps for so many lights at least, after [`Self::fit`]: with the most lights of any frame, [`Self::draw`]
+    /// allocates for the first frame alone.
+    pub fn provide(&mut self, lights: usize) {
+        let count = lights * self.views;
         if self.maps.len() < count {
             self.maps.resize_with(count, ShadowMap::of_small_tiles);
-            self.cut.resize_with(count, Cut::default);
         }
     }
 
     /// Draws the casters into every view, after [`Self::fit`]. Same result for any number of threads.
+    ///
+    /// Every map gets its memory here, drawn or not. How many lights have a camera, and which of their views cut casters off,
+    /// changes with each last digit of the camera's pose: memory made at the first need was made at another frame on
+    /// another machine.
     pub fn draw(&mut self, casters: &[Vec3], triangles: &[[u32; 3]]) {
-        let Self { cameras, views, maps, cut } = self;
-        let (cameras, views) = (&*cameras, (*views).max(1));
-        maps.par_iter_mut().zip(cut.par_iter_mut()).enumerate().for_each(|(k, (map, cut))| {
+        let Self { cameras, views, view_texels, maps } = self;
+        let (cameras, views, view_texels) = (&*cameras, (*views).max(1), *view_texels);
+        maps.par_iter_mut().enumerate().for_each(|(k, map)| {
+            map.reserve(view_texels, casters.len());
             if let Some(Some(camera)) = cameras.get(k / views) {
-                draw(camera, k % views, casters, triangles, map, cut);
+                draw(camera, k % views, casters, triangles, map);
             }
         });
     }
@@ -191,14 +196,7 @@ fn is_held(map: &ShadowMap, camera: &PointCamera, low: [f32; 2], high: [f32; 2])
     within && map.reach().is_held_box(low, high)
 }
 
-fn draw(
-    camera: &PointCamera,
-    view: usize,
-    casters: &[Vec3],
-    triangles: &[[u32; 3]],
-    map: &mut ShadowMap,
-    cut: &mut Cut,
-) {
+fn draw(camera: &PointCamera, view: usize, casters: &[Vec3], triangles: &[[u32; 3]], map: &mut ShadowMap) {
     let side = camera.texels as usize;
     let view = camera.view(view);
     let rows = &camera.rows;
@@ -209,40 +207,38 @@ fn draw(
         map.rasterise(side, triangles, side);
         return;
     }
-    cut.vertices.clear();
-    cut.triangles.clear();
-    for triangle in triangles {
-        let corners = triangle.map(|i| casters.get(i as usize).copied().unwrap_or(Vec3::NAN));
-        cut.add(camera, &view, corners);
-    }
-    map.set_vertices(cut.vertices.iter().copied());
-    map.rasterise(side, &cut.triangles, side);
+    map.rasterise_mapped(
+        side,
+        triangles.iter().flat_map(|triangle| {
+            let corners = triangle.map(|i| casters.get(i as usize).copied().unwrap_or(Vec3::NAN));
+            behind(camera, &view, corners)
+        }),
+    );
 }
 
-impl Cut {
-    /// Adds what of a triangle lies behind the near plane: none, one or two triangles.
-    fn add(&mut self, camera: &PointCamera, view: &View, corners: [Vec3; 3]) {
-        let (rows, corner) = (&camera.rows, camera.corner().map(f64::from));
-        let clip = |p: Vec3| {
-            let [x, y, w] = rows.map(|r| f64::from(r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]));
-            let ahead = w - f64::from(view.ahead);
-            let at = |k: usize, v: f64| {
-                v + corner[k] * w - f64::from(view.aside[k]) + f64::from(view.start[k]) * ahead
-            };
-            [at(0, x), at(1, y), ahead]
+/// What of a triangle lies behind the near plane, in the view's texels and depths: none, one or two triangles.
+fn behind(camera: &PointCamera, view: &PlaceView, corners: [Vec3; 3]) -> impl Iterator<Item = [[f32; 3]; 3]> {
+    let (rows, corner) = (&camera.rows, camera.corner().map(f64::from));
+    let clip = |p: Vec3| {
+        let [x, y, w] = rows.map(|r| f64::from(r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]));
+        let ahead = w - f64::from(view.ahead);
+        let at = |k: usize, v: f64| {
+            v + corner[k] * w - f64::from(view.aside[k]) + f64::from(view.start[k]) * ahead
         };
-        // A little behind the plane, so that depths stay above 0.
-        let plane = f64::from(camera.near_m) * (1.0 + 1e-5);
-        let corners = corners.map(clip);
-        if !corners.iter().flatten().all(|v| v.is_finite()) {
-            return;
-        }
-        let first = self.vertices.len() as u32;
-        let limit = 8.0 * f64::from(camera.texels);
-        let mut push = |[x, y, w]: [f64; 3]| {
-            let at = [x, y].map(|v| (v / w).clamp(-limit, limit) as f32);
-            self.vertices.push([at[0], at[1], (1.0 - f64::from(camera.near_m) / w) as f32]);
-        };
+        [at(0, x), at(1, y), ahead]
+    };
+    // A little behind the plane, so that depths stay above 0.
+    let plane = f64::from(camera.near_m) * (1.0 + 1e-5);
+    let corners = corners.map(clip);
+    // One plane makes four corners of three at most.
+    let (mut found, mut count) = ([[0.0f32; 3]; 4], 0);
+    let limit = 8.0 * f64::from(camera.texels);
+    let mut push = |[x, y, w]: [f64; 3]| {
+        let at = [x, y].map(|v| (v / w).clamp(-limit, limit) as f32);
+        found[count] = [at[0], at[1], (1.0 - f64::from(camera.near_m) / w) as f32];
+        count += 1;
+    };
+    if corners.iter().flatten().all(|v| v.is_finite()) {
         for k in 0..3 {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
             if a[2] >= plane {
@@ -253,11 +249,8 @@ impl Cut {
                 push(std::array::from_fn(|i| a[i] + t * (b[i] - a[i])));
             }
         }
-        let count = self.vertices.len() as u32 - first;
-        for k in 2..count {
-            self.triangles.push([first, first + k - 1, first + k]);
-        }
     }
+    (2..count).map(move |k| [found[0], found[k - 1], found[k]])
 }
 
 /// Share of a light, 0 to 1, that reaches a point (world frame): the places from which nothing drawn is before it, each by

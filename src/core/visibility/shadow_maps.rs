@@ -15,7 +15,7 @@ mod set;
 
 pub use draw::ShadowMap;
 pub use many::FlatLight;
-pub use receivers::{Body, Receivers};
+pub use receivers::{Receivers, ShadowedBody};
 pub use set::{ShadowMaps, side_of_each};
 
 use crate::math::sh::Real;

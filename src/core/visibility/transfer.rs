@@ -4,6 +4,7 @@
 use crate::math::{
     bvh::Bvh,
     sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, zonal},
+    spiral,
 };
 use crate::model::transfer::ObjectTransfer;
 use glam::Vec3;
@@ -61,7 +62,7 @@ pub fn bake(
     }
     let bvh = Bvh::build(&positions, &triangles);
     let diagonal = bvh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-    let (lobe, even) = (spiral(rays, f64::sqrt), spiral(rays, |share| (share * (2.0 - share)).sqrt()));
+    let [lobe, even] = [spiral::by_cosine, spiral::evenly].map(|radius| spiral::upper(rays as usize, radius));
     let baker = Baker { bvh, lift: LIFT * diagonal, order, lambert: lambert(order), lobe, even };
     let glossy = meshes.iter().filter(|mesh| mesh.is_glossy).map(|mesh| mesh.positions_world.len());
     let total = (positions.len() + glossy.sum::<usize>()).max(1);
@@ -170,19 +171,6 @@ fn lambert(order: usize) -> [f64; MAX_ORDER] {
         *z *= (4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt();
     }
     bands
-}
-
-/// Directions about +z: a spiral by the golden angle. `radius` is the distance from the axis that a share of the directions
-/// lies within: the root of the share for a density of the cosine, that of 1 - (1 - share)^2 for an even one.
-fn spiral(rays: u32, radius: fn(f64) -> f64) -> Vec<Vec3> {
-    let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..rays)
-        .map(|i| {
-            let r = radius((f64::from(i) + 0.5) / f64::from(rays));
-            let (sine, cosine) = (golden_angle * f64::from(i)).sin_cos();
-            Vec3::new((r * cosine) as f32, (r * sine) as f32, (1.0 - r * r).sqrt() as f32)
-        })
-        .collect()
 }
 
 #[cfg(test)]

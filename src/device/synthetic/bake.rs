@@ -5,6 +5,7 @@ use super::{
     random::uniform_pair,
     room::{BallView, Room},
 };
+use crate::math::spiral;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -219,10 +220,7 @@ fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2
 /// Points spread evenly over the unit disc, on a spiral of the golden angle: a few, and many.
 fn discs() -> (&'static [DVec2], &'static [DVec2]) {
     static POINTS: std::sync::OnceLock<(Vec<DVec2>, Vec<DVec2>)> = std::sync::OnceLock::new();
-    let golden = PI * (3.0 - 5f64.sqrt());
-    let spread = |n: usize| {
-        (0..n).map(|k| DVec2::from_angle(golden * k as f64) * ((k as f64 + 0.5) / n as f64).sqrt()).collect()
-    };
+    let spread = |n: usize| (0..n).map(|k| spiral::turn(k) * ((k as f64 + 0.5) / n as f64).sqrt()).collect();
     let points = POINTS.get_or_init(|| (spread(14), spread(64)));
     (&points.0, &points.1)
 }

@@ -10,7 +10,7 @@ use crate::model::rig::MirrorBall;
 use glam::{DVec2, DVec3};
 
 /// Solids and lights before anything is lit.
-pub struct Plan {
+pub struct RoomPlan {
     /// The walls first.
     pub solids: Vec<Solid>,
     /// First members of the groups that stand together, then the number of solids.
@@ -33,7 +33,7 @@ const ROOM: ([f64; 2], [f64; 2]) = ([-2.3, 1.7], [-1.4, 1.6]);
 pub const BOARD: ([f64; 3], f64) = ([0.36, 0.22, 0.0], 26.0);
 
 /// The whole room.
-pub fn furnish(view: Subject) -> Plan {
+pub fn furnish(view: Subject) -> RoomPlan {
     let lamp_centre = DVec3::new(-1.30, 0.64, 1.58);
     let lamp = Lamp {
         centre: lamp_centre,
@@ -89,7 +89,7 @@ pub fn furnish(view: Subject) -> Plan {
         solids.push(Solid::new(Shape::Cylinder { base: foot, radius, height, hollow: None }, &[metal]));
     }
     groups.push(solids.len());
-    Plan { solids, groups, table, lamp, window, ball }
+    RoomPlan { solids, groups, table, lamp, window, ball }
 }
 
 fn walls() -> Vec<Solid> {

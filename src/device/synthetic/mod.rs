@@ -50,7 +50,7 @@ pub struct SyntheticSource {
     options: Options,
     device: String,
     lens: Lens,
-    place: Arc<Place>,
+    place: Arc<BakedRoom>,
     trajectory: Arc<Trajectory>,
     response: Response,
     quantiser: film::Quantiser,
@@ -59,12 +59,12 @@ pub struct SyntheticSource {
 }
 
 /// The room with its light, and the truth that follows from it.
-struct Place {
+struct BakedRoom {
     room: room::Room,
     light: RadianceSh,
 }
 
-impl Place {
+impl BakedRoom {
     fn new(texel_mm: f64, view: Subject) -> Arc<Self> {
         let fineness = bake::Fineness { table_texel_m: texel_mm * 1e-3, seed: 0x5eed };
         let room = room::Room::new(view, fineness);
@@ -73,7 +73,7 @@ impl Place {
 
     /// The place as computed before in this process, if it was; it depends on nothing but the texel.
     fn shared(texel_mm: f64, view: Subject) -> Arc<Self> {
-        static MADE: Mutex<Vec<(f64, Subject, Arc<Place>)>> = Mutex::new(Vec::new());
+        static MADE: Mutex<Vec<(f64, Subject, Arc<BakedRoom>)>> = Mutex::new(Vec::new());
         let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((.., place)) = made().iter().find(|(texel, of, _)| *texel == texel_mm && *of == view) {
             return Arc::clone(place);
@@ -89,15 +89,15 @@ impl Place {
 
 /// Opens the room's camera and its IMU. The first call takes a second or two to compute the light.
 pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
-    assemble(options, Place::shared(options.texel_mm, options.view))
+    assemble(options, BakedRoom::shared(options.texel_mm, options.view))
 }
 
 /// The same with all light computed anew.
 pub fn open_anew(options: &Options) -> (SyntheticSource, SyntheticImu) {
-    assemble(options, Place::new(options.texel_mm, options.view))
+    assemble(options, BakedRoom::new(options.texel_mm, options.view))
 }
 
-fn assemble(options: &Options, place: Arc<Place>) -> (SyntheticSource, SyntheticImu) {
+fn assemble(options: &Options, place: Arc<BakedRoom>) -> (SyntheticSource, SyntheticImu) {
     let trajectory = Arc::new(Trajectory::new(options.seed, options.motion, options.view));
     let response = film::film();
     let (width, height) = options.size;

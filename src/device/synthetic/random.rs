@@ -1,23 +1,15 @@
 //! Counter-based random numbers: a number is a function of its key, so threads and order change nothing.
 
-/// Mixes a key to 64 well-spread bits (the finaliser of SplitMix64, applied after each part).
-pub fn bits(key: [u64; 3]) -> u64 {
-    let mut h = 0x9e37_79b9_7f4a_7c15u64;
-    for part in key {
-        h = mix(h ^ part).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    }
-    mix(h)
-}
+use crate::math::dice::{STEP, mix, unit};
 
-fn mix(mut h: u64) -> u64 {
-    h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    h = (h ^ (h >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    h ^ (h >> 31)
+/// Mixes a key to 64 well-spread bits (`dice::mix`, applied after each part).
+pub fn bits(key: [u64; 3]) -> u64 {
+    mix(key.into_iter().fold(STEP, |h, part| mix(h ^ part).wrapping_add(STEP)))
 }
 
 /// Uniform in [0, 1).
 pub fn uniform(key: [u64; 3]) -> f64 {
-    (bits(key) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    unit(bits(key))
 }
 
 /// Two independent uniform numbers in [0, 1) with 32 bits each.

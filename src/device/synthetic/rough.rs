@@ -1,7 +1,7 @@
 //! The room as it would be measured and photographed for shadows of near light: rough geometry, and a probe's picture.
 
 use super::{
-    furnish::Plan,
+    furnish::RoomPlan,
     paint::Paint,
     room::{BallView, Room as Traced, Solid},
     shapes::Shape,
@@ -28,7 +28,7 @@ const SIDES: [[usize; 4]; 6] =
 
 /// Walls, furniture on the floor, the table, window and lamp. What stands on the table and what is small is left out; each
 /// side has the albedo of its paint's middle.
-pub fn room(plan: &Plan) -> Room {
+pub fn room(plan: &RoomPlan) -> Room {
     let mut surfaces = Vec::new();
     for (index, solid) in plan.solids.iter().enumerate() {
         match &solid.shape {

@@ -194,7 +194,7 @@ shared_struct! {
 }
 
 shared_struct! {
-    /// Flat receivers of `compose/soft_shadow`. Twin: `visibility::blockers::Plane`.
+    /// Flat receivers of `compose/soft_shadow`. Twin: `visibility::blockers::BlockedPlane`.
     PlaneTerms {
         /// Normals, 0, 0, 0.
         counts: [u32; 4],

@@ -5,7 +5,7 @@ use super::{CliError, GlobalOptions};
 use crate::{
     assets::pictures,
     hdr::{
-        attribute::{ExposureCheck, Tolerance, Verdict, check_exposures},
+        attribute::{ExposureCheck, ExposureVerdict, Tolerance, check_exposures},
         black_level::{black_level, clip_black},
         merge_bracket::MAX_PICTURES,
         response::{Origin, SolveOptions, solve},
@@ -335,11 +335,11 @@ fn luminance_range(merged: &HdrImage) -> (f32, f32) {
     (at(cut), at(last - cut.min(last)))
 }
 
-const fn verdict_name(verdict: Verdict) -> &'static str {
+const fn verdict_name(verdict: ExposureVerdict) -> &'static str {
     match verdict {
-        Verdict::Consistent => "consistent",
-        Verdict::Contradicted => "contradicted",
-        Verdict::Unchecked => "unchecked",
+        ExposureVerdict::Consistent => "consistent",
+        ExposureVerdict::Contradicted => "contradicted",
+        ExposureVerdict::Unchecked => "unchecked",
     }
 }
 
@@ -347,7 +347,7 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
 fn warnings(done: &Merged) -> Vec<String> {
     let mut warnings = done.chosen.warnings.clone();
     for (file, report) in done.files.iter().zip(done.check.reports()) {
-        if let (Verdict::Contradicted, Some(other)) = (report.verdict, report.against) {
+        if let (ExposureVerdict::Contradicted, Some(other)) = (report.verdict, report.against) {
             warnings.push(format!(
                 "{}: stated {:.4} x the exposure of {}, but its pixels say {:.4} x: the time is false, or the camera did not apply it",
                 file.display(),

@@ -7,7 +7,7 @@ use crate::engine::{
     gpu::{Backend, GpuEngine},
 };
 use crate::lab::stress_report::{NamedEngine, StressReport, html, json, markdown, terminal};
-use crate::stress::{Case, GROUPS};
+use crate::stress::{GROUPS, HardCase};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -44,7 +44,7 @@ pub struct StressArguments {
 /// A mistake in the arguments; an engine that is not there; a file that cannot be written.
 pub fn run(arguments: StressArguments, global: &GlobalOptions) -> Result<ExitCode, CliError> {
     let engines = engines(arguments.all, global)?;
-    let report = StressReport::of(engines, &|group: &str, case: &Case| {
+    let report = StressReport::of(engines, &|group: &str, case: &HardCase| {
         arguments.only.as_ref().is_none_or(|text| group.contains(text) || case.name.contains(text))
     });
     if report.rows.is_empty() {

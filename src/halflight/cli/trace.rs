@@ -16,7 +16,7 @@ use crate::model::{
     image::{Image, RadianceImage, Rgb8Image},
     quality::Quality,
 };
-use crate::reference::{Noise, SHADOW_BELOW, TraceError, TraceScene, TraceSettings, Traced, Tracer};
+use crate::reference::{TraceNoise, SHADOW_BELOW, TraceError, TraceScene, TraceSettings, Traced, Tracer};
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -285,10 +285,10 @@ fn encoded(linear: f32) -> u8 {
 }
 
 /// The noise of a trace: nothing is known of it after a single pass, which has nothing to be compared with.
-fn known_noise(traced: &Traced, settings: &TraceSettings) -> Noise {
+fn known_noise(traced: &Traced, settings: &TraceSettings) -> TraceNoise {
     let unknown = traced.samples <= settings.samples_a_pass;
     let known = |share: f64| if unknown { f64::NAN } else { share };
-    Noise {
+    TraceNoise {
         with_relative: known(traced.noise.with_relative),
         without_relative: known(traced.noise.without_relative),
         shadow_relative: known(traced.noise.shadow_relative),
@@ -297,8 +297,8 @@ fn known_noise(traced: &Traced, settings: &TraceSettings) -> Noise {
 }
 
 /// For machines; what is not known is null.
-fn noise_json(traced: &Traced, noise: &Noise, speed: &Speed) -> serde_json::Value {
-    let Noise { with_relative, without_relative, shadow_pixels, shadow_relative, dropped } = *noise;
+fn noise_json(traced: &Traced, noise: &TraceNoise, speed: &Speed) -> serde_json::Value {
+    let TraceNoise { with_relative, without_relative, shadow_pixels, shadow_relative, dropped } = *noise;
     serde_json::json!({
         "samples_a_pixel": traced.samples, "with_relative": with_relative, "without_relative": without_relative,
         "shadow_pixels": shadow_pixels, "shadow_relative": shadow_relative, "dropped_samples": dropped,
@@ -306,7 +306,7 @@ fn noise_json(traced: &Traced, noise: &Noise, speed: &Speed) -> serde_json::Valu
     })
 }
 
-fn report(traced: &Traced, noise: &Noise, speed: &Speed) -> String {
+fn report(traced: &Traced, noise: &TraceNoise, speed: &Speed) -> String {
     let percent = |share: f64| {
         if share.is_finite() {
             format!("{:.3} %", 100.0 * share)

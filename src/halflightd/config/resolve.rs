@@ -6,7 +6,7 @@ use super::{
     presets,
     settings::Settings,
 };
-use crate::math::edit_distance::nearest;
+use crate::assets::near_word::nearest;
 use toml::Table;
 
 /// Every mistake in one file.

@@ -4,7 +4,7 @@ use super::{Case, CaseEmitter, EmitterKind, ExactShape, Geometry, GeometryRole, 
 use crate::assets::{error::AssetError, shapes};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::scene::{Material, Mesh};
-use crate::reference::{Emission, Environment, Sun, TraceBody, TraceScene, TraceShape};
+use crate::reference::{Emission, Environment, TraceBody, TraceScene, TraceShape, TraceSun};
 use glam::{DVec3, Mat3};
 use std::f64::consts::TAU;
 
@@ -43,7 +43,7 @@ impl Case {
                 Some(Environment::Constant(radiance_rgb.map(|c| c as f32)))
             }
             EmitterKind::Directional { to_light_world, irradiance_rgb } => {
-                scene.suns.push(Sun {
+                scene.suns.push(TraceSun {
                     to_light_world: to_light_world.as_vec3(),
                     irradiance_rgb: irradiance_rgb.map(|e| e as f32),
                 });

@@ -34,13 +34,13 @@ pub enum CheckpointError {
 
 /// What was done so far.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Progress {
+pub(super) struct TraceProgress {
     pub passes: u32,
     pub dropped: u64,
     pub sums: Vec<PixelSums>,
 }
 
-impl Progress {
+impl TraceProgress {
     pub fn to_bytes(&self, digest: &[u8; 32]) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEAD + self.sums.len() * NUMBERS * 8 + HASH);
         bytes.extend_from_slice(MARK);

@@ -5,8 +5,10 @@
 //! have been the one that gave it: then what is seen along the direction, whatever it is, over its density has the right
 //! mean.
 
-use super::caster::{Caster, Ray, TriangleBlock};
-use crate::math::color::gray;
+use crate::math::{
+    bvh::{PreparedRay, ShapeTree, TriangleBlock},
+    color::gray,
+};
 use glam::Vec3;
 
 /// Up to so many triangles are weighed anew for every point.
@@ -32,7 +34,7 @@ pub struct Emitter {
 #[derive(Debug, Default)]
 pub struct Emitters {
     list: Vec<Emitter>,
-    tree: Caster<TriangleBlock>,
+    tree: ShapeTree<TriangleBlock>,
     /// Shares by radiance times area.
     shares: Vec<f32>,
     /// The same, cumulated.
@@ -40,7 +42,7 @@ pub struct Emitters {
 }
 
 /// How likely each triangle is drawn from a point.
-pub enum Weights {
+pub enum EmitterWeights {
     /// For each triangle its share; they sum to 1.
     Here([f32; FEW]),
     /// As `Emitters::shares`.
@@ -60,7 +62,7 @@ impl Emitters {
             }
         }
         let shape = |e: &Emitter| [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
-        emitters.tree = Caster::build(emitters.list.iter().map(shape));
+        emitters.tree = ShapeTree::build(emitters.list.iter().map(shape));
         let total: f64 = emitters.list.iter().map(|e| f64::from(e.gray * e.area_m2)).sum();
         let mut sum = 0.0;
         for emitter in &emitters.list {
@@ -81,12 +83,12 @@ impl Emitters {
     /// irradiance (0 where none can be seen), and the share of directions that the surface should draw itself: few, but where
     /// a triangle is so near that points spread over its area are a poor choice.
     #[inline]
-    pub fn weigh(&self, point: Vec3, normal: Vec3) -> (Weights, f32, f32) {
+    pub fn weigh(&self, point: Vec3, normal: Vec3) -> (EmitterWeights, f32, f32) {
         let mut weights = [0.0f32; FEW];
         let (mut sum, mut nearest) = (0.0, 0.0f32);
         if self.list.len() > FEW {
             let sum = self.list.iter().map(|e| e.gray * e.area_m2).sum::<f32>();
-            return (Weights::Everywhere, sum, 0.5);
+            return (EmitterWeights::Everywhere, sum, 0.5);
         }
         for (weight, emitter) in weights.iter_mut().zip(&self.list) {
             let to = emitter.corner - point;
@@ -107,14 +109,14 @@ impl Emitters {
         if sum > 0.0 {
             weights.iter_mut().for_each(|w| *w /= sum);
         }
-        (Weights::Here(weights), sum, if nearest < NEAR { 0.125 } else { 0.5 })
+        (EmitterWeights::Here(weights), sum, if nearest < NEAR { 0.125 } else { 0.5 })
     }
 
     /// A point on a triangle, drawn by the weights from two numbers in [0, 1); the point is spread evenly over its area.
     #[inline]
-    pub fn draw(&self, weights: &Weights, numbers: [f32; 2]) -> Option<Vec3> {
+    pub fn draw(&self, weights: &EmitterWeights, numbers: [f32; 2]) -> Option<Vec3> {
         let (index, rest) = match weights {
-            Weights::Here(list) => {
+            EmitterWeights::Here(list) => {
                 let (mut index, mut left) = (None, numbers[0]);
                 for (i, &weight) in list.iter().enumerate().take(self.list.len()) {
                     if weight > 0.0 {
@@ -127,7 +129,7 @@ impl Emitters {
                 }
                 index?
             }
-            Weights::Everywhere => {
+            EmitterWeights::Everywhere => {
                 let at = self.cumulated.partition_point(|&c| c <= numbers[0]).min(self.list.len() - 1);
                 let below = if at > 0 { self.cumulated[at - 1] } else { 0.0 };
                 (at, ((numbers[0] - below) / self.shares[at]).clamp(0.0, 1.0))
@@ -144,16 +146,16 @@ impl Emitters {
 
     /// The density with which `draw` gives a unit direction from a point, per steradian.
     #[inline]
-    pub fn density(&self, weights: &Weights, point: Vec3, direction: Vec3) -> f32 {
-        let ray = Ray::new(point, direction);
+    pub fn density(&self, weights: &EmitterWeights, point: Vec3, direction: Vec3) -> f32 {
+        let ray = PreparedRay::new(point, direction);
         let (mut sum, mut from) = (0.0, 0.0);
         for _ in 0..MOST_MET {
             let Some(hit) = self.tree.nearest(&ray, from, f32::INFINITY) else { break };
             let index = hit.shape as usize;
             let emitter = &self.list[index];
             let share = match weights {
-                Weights::Here(list) => list[index],
-                Weights::Everywhere => self.shares[index],
+                EmitterWeights::Here(list) => list[index],
+                EmitterWeights::Everywhere => self.shares[index],
             };
             let facing = emitter.normal.dot(direction).abs();
             if share > 0.0 && facing > 0.0 {

@@ -24,13 +24,13 @@ const TRIALS: u32 = 1024;
 #[derive(Debug)]
 pub struct Sky {
     constant: Vec3,
-    picture: Option<Picture>,
+    picture: Option<SkyPicture>,
     /// For each normal.
     surface_shares: Vec<f32>,
 }
 
 #[derive(Debug)]
-struct Picture {
+struct SkyPicture {
     width: usize,
     height: usize,
     /// r, g, b, gray.
@@ -64,7 +64,7 @@ impl Sky {
             Environment::Dark => {}
             Environment::Constant(rgb) => sky.constant = Vec3::from(*rgb),
             Environment::Picture { radiance, map_from_world } => {
-                sky.picture = Picture::new(radiance, *map_from_world);
+                sky.picture = SkyPicture::new(radiance, *map_from_world);
             }
         }
         sky.find_shares();
@@ -155,7 +155,7 @@ fn find(list: &[f32], number: f32) -> (usize, f32) {
     (at, rest.clamp(0.0, 1.0))
 }
 
-impl Picture {
+impl SkyPicture {
     fn new(radiance: &RadianceImage, map_from_world: Mat3) -> Option<Self> {
         let (width, height) = (radiance.width(), radiance.height());
         if width == 0 || height == 0 {

@@ -11,7 +11,6 @@
 //!   again (`sequence`).
 //! * Noise is estimated from independent passes (`Traced::noise`), so it is honest about the stratified samples within one.
 
-mod caster;
 pub mod checkpoint;
 mod emitters;
 mod environment;
@@ -23,11 +22,11 @@ mod sums;
 mod world;
 
 pub use checkpoint::CheckpointError;
-pub use scene::{Emission, Environment, Sun, TraceBody, TraceScene, TraceShape, UNKNOWN_ALBEDO};
-pub use sums::{Noise, SHADOW_BELOW, Traced};
+pub use scene::{Emission, Environment, TraceBody, TraceScene, TraceShape, TraceSun, UNKNOWN_ALBEDO};
+pub use sums::{SHADOW_BELOW, TraceNoise, Traced};
 
-use checkpoint::Progress;
-use path::Prepared;
+use checkpoint::TraceProgress;
+use path::PreparedTrace;
 use rayon::prelude::*;
 use sequence::Sequence;
 use sha2::{Digest, Sha256};
@@ -54,7 +53,7 @@ pub struct TraceSettings {
     pub seed: u32,
     /// Only every k-th pixel of every k-th row, from the k/2-th on; 1: all.
     pub step_px: u32,
-    /// Stops when `Noise::shadow_relative` is below this, after at least 8 passes.
+    /// Stops when `TraceNoise::shadow_relative` is below this, after at least 8 passes.
     pub shadow_noise: Option<f64>,
 }
 
@@ -105,13 +104,13 @@ fn setting(
 /// A trace in progress, pass by pass.
 #[derive(Debug)]
 pub struct Tracer {
-    prepared: Prepared,
+    prepared: PreparedTrace,
     settings: TraceSettings,
     /// Of the whole picture.
     full_width: u32,
     width: usize,
     digest: [u8; 32],
-    done: Progress,
+    done: TraceProgress,
 }
 
 impl Tracer {
@@ -131,12 +130,12 @@ impl Tracer {
             hash.update(number.to_le_bytes());
         }
         Ok(Self {
-            prepared: Prepared::new(scene, settings.bounces),
+            prepared: PreparedTrace::new(scene, settings.bounces),
             settings: *settings,
             full_width: scene.lens.width,
             width,
             digest: hash.finalize().into(),
-            done: Progress { passes: 0, dropped: 0, sums: vec![PixelSums::default(); width * height] },
+            done: TraceProgress { passes: 0, dropped: 0, sums: vec![PixelSums::default(); width * height] },
         })
     }
 
@@ -146,7 +145,7 @@ impl Tracer {
     /// # Errors
     /// The bytes are not such, were cut or changed, or belong to another scene or settings.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<(), TraceError> {
-        self.done = Progress::from_bytes(bytes, &self.digest, self.done.sums.len())?;
+        self.done = TraceProgress::from_bytes(bytes, &self.digest, self.done.sums.len())?;
         Ok(())
     }
 
@@ -175,7 +174,7 @@ impl Tracer {
     }
 
     /// The noise so far.
-    pub fn noise(&self) -> Noise {
+    pub fn noise(&self) -> TraceNoise {
         sums::noise(&self.done.sums, self.done.passes, self.done.dropped)
     }
 

@@ -7,15 +7,15 @@
 //! not zero.
 
 use super::{
-    caster::Ray,
     emitters::Emitters,
     environment::Sky,
     reflect::{Reflects, mirror},
     scene::{Emission, TraceScene},
     sequence::Sequence,
-    world::{Bodies, Meeting, Met},
+    world::{Bodies, MetBody, SurfaceMeeting},
 };
 use crate::math::{
+    bvh::PreparedRay,
     lens::{Distortion, Lens},
     sh::zonal::PhongNorm,
 };
@@ -56,7 +56,7 @@ impl Pair {
 
 /// What one camera ray gave.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
+pub struct RaySample {
     /// Radiance.
     pub light: Pair,
     /// Whether the ray met a virtual body first.
@@ -65,7 +65,7 @@ pub struct Seen {
 
 /// The scene made ready.
 #[derive(Debug)]
-pub struct Prepared {
+pub struct PreparedTrace {
     eye: Vec3,
     rays: CameraRays,
     real: Bodies,
@@ -129,7 +129,7 @@ impl CameraRays {
     }
 }
 
-impl Prepared {
+impl PreparedTrace {
     /// Makes a scene ready; `bounces`: how often light may be reflected diffusely beyond once.
     pub fn new(scene: &TraceScene, bounces: u32) -> Self {
         let real = Bodies::new(&scene.real);
@@ -155,23 +155,25 @@ impl Prepared {
     }
 
     /// One sample of a pixel.
-    pub fn sample(&self, column: u32, row: u32, numbers: &Sequence) -> Seen {
-        let Some(direction) = self.rays.through(column, row, numbers.pair(0)) else { return Seen::default() };
-        let ray = Ray::new(self.eye, direction);
+    pub fn sample(&self, column: u32, row: u32, numbers: &Sequence) -> RaySample {
+        let Some(direction) = self.rays.through(column, row, numbers.pair(0)) else {
+            return RaySample::default();
+        };
+        let ray = PreparedRay::new(self.eye, direction);
         let real = self.real.nearest(&ray, f32::INFINITY);
         let object = self.objects.nearest(&ray, real.map_or(f32::INFINITY, |met| met.t()));
         let course = Course { numbers, place: 1, bounces: self.bounces, mirrors: 0, from_camera: true };
         let light = self.seen(Side::Both, &ray, real, object, course);
-        Seen { light, covered: object.is_some() }
+        RaySample { light, covered: object.is_some() }
     }
 
     /// Light that comes back along a ray which meets these bodies first.
     fn seen(
         &self,
         side: Side,
-        ray: &Ray,
-        real: Option<Met>,
-        object: Option<Met>,
+        ray: &PreparedRay,
+        real: Option<MetBody>,
+        object: Option<MetBody>,
         course: Course<'_>,
     ) -> Pair {
         let behind = |side: Side| match real {
@@ -189,7 +191,7 @@ impl Prepared {
     }
 
     /// Light that leaves a point against the ray that met it.
-    fn leaving(&self, side: Side, ray: &Ray, at: &Meeting, course: Course<'_>) -> Pair {
+    fn leaving(&self, side: Side, ray: &PreparedRay, at: &SurfaceMeeting, course: Course<'_>) -> Pair {
         let mut sum = Pair::default();
         match at.emission {
             Emission::None => {}
@@ -204,7 +206,7 @@ impl Prepared {
         let start = at.point + at.offset_m * at.facing;
         if let Some(Material::Mirror { reflectance_rgb }) = at.material {
             if course.mirrors < MOST_MIRRORS {
-                let next = Ray::new(start, mirror(ray.direction, at.shading));
+                let next = PreparedRay::new(start, mirror(ray.direction, at.shading));
                 let course = Course { place: course.place + 1, mirrors: course.mirrors + 1, ..course };
                 let seen = self.along(side, &next, course);
                 sum.add(Vec3::from(reflectance_rgb), seen);
@@ -215,7 +217,7 @@ impl Prepared {
         for &(to_light, irradiance) in &self.suns {
             let value = reflects.look(to_light).value;
             if value.max_element() > 0.0 {
-                let lit = self.sunlit(side, &Ray::new(start, to_light));
+                let lit = self.sunlit(side, &PreparedRay::new(start, to_light));
                 sum.add(value * irradiance, lit);
             }
         }
@@ -224,7 +226,7 @@ impl Prepared {
         else {
             return sum;
         };
-        let next = Ray::new(start, direction);
+        let next = PreparedRay::new(start, direction);
         let seen = if course.bounces > 0 {
             let bounces = course.bounces - 1;
             let course = Course { place: course.place + 1, bounces, from_camera: false, ..course };
@@ -242,7 +244,7 @@ impl Prepared {
         &self,
         reflects: &Reflects,
         start: Vec3,
-        at: &Meeting,
+        at: &SurfaceMeeting,
         is_lit_by_others: bool,
         [u, v]: [f32; 2],
     ) -> Option<(Vec3, Vec3, Vec3)> {
@@ -291,7 +293,7 @@ impl Prepared {
     }
 
     /// What is seen along a ray, however light came there.
-    fn along(&self, side: Side, ray: &Ray, course: Course<'_>) -> Pair {
+    fn along(&self, side: Side, ray: &PreparedRay, course: Course<'_>) -> Pair {
         let real = self.real.nearest(ray, f32::INFINITY);
         let object = match side {
             Side::Without => None,
@@ -301,7 +303,7 @@ impl Prepared {
     }
 
     /// What is sent along a ray by what shines of itself; everything else is black.
-    fn sent(&self, side: Side, ray: &Ray, sky: Vec3) -> Pair {
+    fn sent(&self, side: Side, ray: &PreparedRay, sky: Vec3) -> Pair {
         if self.only_sky {
             if sky == Vec3::ZERO {
                 return Pair::default();
@@ -335,7 +337,7 @@ impl Prepared {
 
     /// Ones where nothing lies on a ray.
     #[inline]
-    fn unhidden(&self, side: Side, ray: &Ray) -> Pair {
+    fn unhidden(&self, side: Side, ray: &PreparedRay) -> Pair {
         if self.real.occluded(ray, f32::INFINITY) {
             return Pair::default();
         }
@@ -344,7 +346,7 @@ impl Prepared {
 
     /// Ones where no virtual body lies on a ray up to t_max.
     #[inline]
-    fn unhidden_by_objects(&self, side: Side, ray: &Ray, t_max: f32) -> Pair {
+    fn unhidden_by_objects(&self, side: Side, ray: &PreparedRay, t_max: f32) -> Pair {
         let is_hidden = side != Side::Without && self.objects.occluded(ray, t_max);
         match (is_hidden, side) {
             (false, side) => Pair::of(side, Vec3::ONE),
@@ -355,7 +357,7 @@ impl Prepared {
 
     /// Ones where a sun is not hidden along a ray.
     #[inline]
-    fn sunlit(&self, side: Side, ray: &Ray) -> Pair {
+    fn sunlit(&self, side: Side, ray: &PreparedRay) -> Pair {
         if !self.has_apertures {
             return self.unhidden(side, ray);
         }

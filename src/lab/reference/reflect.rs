@@ -1,6 +1,6 @@
 //! How a point reflects, and directions drawn in proportion to that.
 
-use super::world::Meeting;
+use super::world::SurfaceMeeting;
 use crate::math::{color::gray, sh::zonal::PhongNorm};
 use crate::model::scene::Material;
 use glam::Vec3;
@@ -33,7 +33,7 @@ pub struct Lobe {
 impl Reflects {
     /// Of a point met by a ray of unit direction `incoming`; `None` for a mirror, and for what reflects nothing.
     #[inline]
-    pub fn new(meeting: &Meeting, incoming: Vec3, norm: PhongNorm) -> Option<Self> {
+    pub fn new(meeting: &SurfaceMeeting, incoming: Vec3, norm: PhongNorm) -> Option<Self> {
         let (albedo, specular, exponent) = match meeting.material? {
             Material::Lambert { albedo_rgb } => (Vec3::from(albedo_rgb), Vec3::ZERO, 0.0),
             Material::Phong { albedo_rgb, specular_rgb, exponent } => {

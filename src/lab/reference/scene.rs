@@ -159,7 +159,7 @@ pub enum Environment {
 
 /// A light at infinity without extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sun {
+pub struct TraceSun {
     /// Unit vector towards it, world frame.
     pub to_light_world: Vec3,
     /// Irradiance of a surface that faces it.
@@ -180,7 +180,7 @@ pub struct TraceScene {
     /// Light from infinity.
     pub environment: Environment,
     /// Lights at infinity without extent.
-    pub suns: Vec<Sun>,
+    pub suns: Vec<TraceSun>,
     /// How Phong lobes are scaled.
     pub phong_norm: PhongNorm,
 }

@@ -9,18 +9,10 @@
 //! Scrambling by hashing: Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020; Laine and Karras,
 //! "Stratified Sampling for Stochastic Transparency", EGSR 2011.
 
+use crate::math::dice::mix_u32 as mix;
+
 /// 2^-24: the 24 upper bits of a number become a float below 1.
 const STEP: f32 = 1.0 / 16_777_216.0;
-
-/// Mixes bits well: equal in, equal out; one bit in changes half of those out (finalizer of MurmurHash3).
-#[inline]
-pub const fn mix(mut bits: u32) -> u32 {
-    bits ^= bits >> 16;
-    bits = bits.wrapping_mul(0x85eb_ca6b);
-    bits ^= bits >> 13;
-    bits = bits.wrapping_mul(0xc2b2_ae35);
-    bits ^ (bits >> 16)
-}
 
 /// Owen's scrambling of a binary fraction: whether a bit flips depends on the bits above it alone.
 #[inline]

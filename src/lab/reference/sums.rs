@@ -40,7 +40,7 @@ pub struct PassSums {
 impl PassSums {
     /// Adds a sample.
     #[inline]
-    pub fn add(&mut self, seen: &super::path::Seen) {
+    pub fn add(&mut self, seen: &super::path::RaySample) {
         let Pair { with, without } = seen.light;
         if !(with.is_finite() && without.is_finite()) {
             self.dropped += 1;
@@ -127,7 +127,7 @@ impl Moments {
 
 /// How noisy a pair of pictures is. Standard errors are estimated from the spread of the passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Noise {
+pub struct TraceNoise {
     /// Root mean square standard error of the picture with the objects over its mean, all channels. Not a number after a
     /// single pass, like the others.
     pub with_relative: f64,
@@ -153,7 +153,7 @@ pub struct Traced {
     pub samples: u32,
     sums: Vec<PixelSums>,
     /// How noisy they are.
-    pub noise: Noise,
+    pub noise: TraceNoise,
 }
 
 impl Traced {
@@ -267,7 +267,7 @@ pub(super) fn traced_px(whole: u32, step_px: u32) -> usize {
 }
 
 /// The noise of sums after so many passes.
-pub(super) fn noise(sums: &[PixelSums], passes: u32, dropped: u64) -> Noise {
+pub(super) fn noise(sums: &[PixelSums], passes: u32, dropped: u64) -> TraceNoise {
     let (mut with, mut without) = ([0.0f64; 2], [0.0f64; 2]);
     let (mut shadow, mut variance, mut shadow_pixels) = (0.0, 0.0, 0usize);
     for pixel in sums {
@@ -289,7 +289,7 @@ pub(super) fn noise(sums: &[PixelSums], passes: u32, dropped: u64) -> Noise {
     let relative = |[sum, variance]: [f64; 2], count: f64| {
         if sum > 0.0 { (variance / count).sqrt() / (sum / count) } else { 0.0 }
     };
-    Noise {
+    TraceNoise {
         with_relative: relative(with, count),
         without_relative: relative(without, count),
         shadow_pixels,

@@ -114,7 +114,7 @@ fn the_sun_on_a_plane_and_the_shadow_of_a_ball() {
     scene.real.push(body(plane(100.0), matt(0.6)));
     scene.objects.push(ball(Vec3::new(0.0, 0.0, 0.5), 0.4, matt(0.0)));
     let to_light = Vec3::new(0.4, 0.3, 0.8).normalize();
-    scene.suns.push(Sun { to_light_world: to_light, irradiance_rgb: [3.0, 2.0, 1.0] });
+    scene.suns.push(TraceSun { to_light_world: to_light, irradiance_rgb: [3.0, 2.0, 1.0] });
     let pictures = traced(&scene, &settings(16, 8));
     let lit = [3.0, 2.0, 1.0].map(|e| 0.6 * FRAC_1_PI * e * to_light.z);
     let (ratio, without, cover) = (pictures.ratio(), pictures.without(), pictures.coverage());
@@ -261,7 +261,7 @@ fn everything() -> TraceScene {
     scene.objects.push(ball(Vec3::new(-0.6, 0.2, 0.2), 0.2, Material::Mirror { reflectance_rgb: [0.9; 3] }));
     let texels = (0..16 * 8).map(|i| [1.0 + (i % 7) as f32, 1.0, 0.1 * (i % 5) as f32]).collect();
     scene.environment = picture_sky(RadianceImage::from_pixels(16, 8, texels).unwrap());
-    scene.suns.push(Sun { to_light_world: Vec3::new(-0.3, 0.2, 0.9), irradiance_rgb: [2.0; 3] });
+    scene.suns.push(TraceSun { to_light_world: Vec3::new(-0.3, 0.2, 0.9), irradiance_rgb: [2.0; 3] });
     scene
 }
 

@@ -1,7 +1,7 @@
 //! The bodies made ready for rays: real ones, and virtual ones.
 
-use super::caster::{Caster, Hit, Ray, SphereBlock, TriangleBlock};
 use super::scene::{Emission, TraceBody, TraceShape};
+use crate::math::bvh::{PreparedRay, ShapeHit, ShapeTree, SphereBlock, TriangleBlock};
 use crate::model::scene::Material;
 use glam::Vec3;
 
@@ -26,8 +26,8 @@ struct Facet {
 #[derive(Debug, Default)]
 pub struct Bodies {
     bodies: Vec<TraceBody>,
-    triangles: Caster<TriangleBlock>,
-    spheres: Caster<SphereBlock>,
+    triangles: ShapeTree<TriangleBlock>,
+    spheres: ShapeTree<SphereBlock>,
     facets: Vec<Facet>,
     /// Body of each sphere.
     balls: Vec<u32>,
@@ -35,14 +35,14 @@ pub struct Bodies {
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug)]
-pub enum Met {
+pub enum MetBody {
     /// A triangle.
-    Facet(Hit),
+    Facet(ShapeHit),
     /// A sphere.
-    Ball(Hit),
+    Ball(ShapeHit),
 }
 
-impl Met {
+impl MetBody {
     /// In lengths of the ray's direction.
     #[inline]
     pub fn t(&self) -> f32 {
@@ -54,7 +54,7 @@ impl Met {
 
 /// A point of a surface, seen from one side.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting {
+pub struct SurfaceMeeting {
     /// World frame, metres.
     pub point: Vec3,
     /// Unit, geometric, on the side that is seen.
@@ -101,8 +101,8 @@ impl Bodies {
         }
         Self {
             bodies: bodies.to_vec(),
-            triangles: Caster::build(corners.into_iter()),
-            spheres: Caster::build(spheres.into_iter()),
+            triangles: ShapeTree::build(corners.into_iter()),
+            spheres: ShapeTree::build(spheres.into_iter()),
             facets,
             balls,
         }
@@ -134,25 +134,25 @@ impl Bodies {
 
     /// The nearest body on a ray within (0, t_max).
     #[inline]
-    pub fn nearest(&self, ray: &Ray, t_max: f32) -> Option<Met> {
+    pub fn nearest(&self, ray: &PreparedRay, t_max: f32) -> Option<MetBody> {
         let facet = self.triangles.nearest(ray, 0.0, t_max);
         let limit = facet.map_or(t_max, |hit| hit.t);
         match self.spheres.nearest(ray, 0.0, limit) {
-            Some(ball) => Some(Met::Ball(ball)),
-            None => facet.map(Met::Facet),
+            Some(ball) => Some(MetBody::Ball(ball)),
+            None => facet.map(MetBody::Facet),
         }
     }
 
     /// Whether any body lies on a ray within (0, t_max).
     #[inline]
-    pub fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+    pub fn occluded(&self, ray: &PreparedRay, t_max: f32) -> bool {
         self.triangles.occluded(ray, 0.0, t_max) || self.spheres.occluded(ray, 0.0, t_max)
     }
 
     /// What is there where a ray met a body.
-    pub fn meeting(&self, ray: &Ray, met: &Met) -> Meeting {
+    pub fn meeting(&self, ray: &PreparedRay, met: &MetBody) -> SurfaceMeeting {
         match met {
-            Met::Ball(hit) => {
+            MetBody::Ball(hit) => {
                 let body = &self.bodies[self.balls[hit.shape as usize] as usize];
                 let (centre, radius) = match body.shape {
                     TraceShape::Sphere { centre, radius_m } => (centre, radius_m),
@@ -162,7 +162,7 @@ impl Bodies {
                 let is_front = normal.dot(ray.direction) <= 0.0;
                 let facing = if is_front { normal } else { -normal };
                 let size = centre.abs().max_element() + radius;
-                Meeting {
+                SurfaceMeeting {
                     point: centre + radius * normal,
                     facing,
                     shading: facing,
@@ -172,7 +172,7 @@ impl Bodies {
                     is_aperture: body.is_aperture,
                 }
             }
-            Met::Facet(hit) => {
+            MetBody::Facet(hit) => {
                 let facet = &self.facets[hit.shape as usize];
                 let body = &self.bodies[facet.body as usize];
                 let is_front = facet.normal.dot(ray.direction) <= 0.0;
@@ -180,7 +180,7 @@ impl Bodies {
                 let (mut shading, mut material) = (facing, body.material);
                 if let TraceShape::Mesh(mesh) = &body.shape {
                     let t = mesh.triangles[facet.triangle as usize].map(|i| i as usize);
-                    let weights = [1.0 - hit.weights[0] - hit.weights[1], hit.weights[0], hit.weights[1]];
+                    let weights = hit.weights;
                     if let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.normals.get(i)) {
                         let blend = weights[0] * *a + weights[1] * *b + weights[2] * *c;
                         let blend = blend.normalize_or(facing);
@@ -193,7 +193,7 @@ impl Bodies {
                         material = tinted(material, tint);
                     }
                 }
-                Meeting {
+                SurfaceMeeting {
                     point: ray.origin + hit.t * ray.direction,
                     facing,
                     shading,

@@ -15,7 +15,7 @@ use crate::model::{
 };
 use crate::nearfield::prepare::KnownRoom;
 use crate::open_exr::load_radiance;
-use crate::reference::{Emission, Environment, Sun, TraceBody, TraceScene};
+use crate::reference::{Emission, Environment, TraceSun, TraceBody, TraceScene};
 use glam::{DMat3, Mat3, Vec3};
 
 /// Texels a side of an environment picture that is not equirectangular, before it is made so.
@@ -75,7 +75,7 @@ fn light(file: &SceneFile, samples: &RadianceSamples, scene: &mut TraceScene) ->
                     map_from_world: Mat3::IDENTITY,
                 },
             };
-            scene.suns.extend(direct.map(|(to_light, irradiance_rgb)| Sun {
+            scene.suns.extend(direct.map(|(to_light, irradiance_rgb)| TraceSun {
                 to_light_world: Vec3::from(to_light),
                 irradiance_rgb,
             }));
@@ -158,7 +158,7 @@ fn room(known: &KnownRoom, scene: &mut TraceScene) {
         is_aperture: is_aperture(patch.surface),
         ..TraceBody::of_patch(patches, patch)
     }));
-    scene.suns.extend(known.suns.iter().map(|sun| Sun {
+    scene.suns.extend(known.suns.iter().map(|sun| TraceSun {
         to_light_world: Vec3::from(sun.to_light_world),
         irradiance_rgb: sun.irradiance_rgb,
     }));

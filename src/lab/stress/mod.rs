@@ -11,14 +11,14 @@ use crate::plan::Pass;
 
 /// What a number must keep: at least `least` and at most `most`. Nothing that is not a number is within.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct CaseBound {
     /// Smallest that is allowed.
     pub least: f64,
     /// Largest that is allowed.
     pub most: f64,
 }
 
-impl Bound {
+impl CaseBound {
     /// From `least` to `most`, both included.
     pub const fn new(least: f64, most: f64) -> Self {
         Self { least, most }
@@ -54,7 +54,7 @@ pub enum Where {
 
 /// One hard case.
 #[derive(Clone, Copy)]
-pub struct Case {
+pub struct HardCase {
     /// What is hard, in a few words; unique.
     pub name: &'static str,
     /// What the number is, with its unit.
@@ -68,7 +68,7 @@ pub struct Case {
     /// The number by this program.
     pub ours: fn(&mut dyn Engine) -> Result<f64, EngineError>,
     /// What ours must keep.
-    pub bound: Bound,
+    pub bound: CaseBound,
 }
 
 /// What a case gave.
@@ -84,7 +84,7 @@ pub struct Outcome {
     pub holds: bool,
 }
 
-impl Case {
+impl HardCase {
     /// Runs it on an engine, whose scene is then this case's.
     pub fn run(&self, engine: &mut dyn Engine) -> Outcome {
         let textbook = (self.textbook)();
@@ -96,27 +96,27 @@ impl Case {
 
 /// Cases that belong together.
 #[derive(Clone, Copy)]
-pub struct Group {
+pub struct CaseGroup {
     /// What they are about.
     pub title: &'static str,
     /// In order.
-    pub cases: &'static [Case],
+    pub cases: &'static [HardCase],
 }
 
 /// All cases, by what they are about.
-pub const GROUPS: [Group; 8] = [
-    Group { title: "Exposures", cases: cases::exposures::CASES },
-    Group { title: "Light and its two halves", cases: cases::light::CASES },
-    Group { title: "Spheres before soft light", cases: cases::spheres::CASES },
-    Group { title: "Gloss", cases: cases::gloss::CASES },
-    Group { title: "Hard shadows", cases: cases::shadows::CASES },
-    Group { title: "Near light", cases: cases::near::CASES },
-    Group { title: "Poses and time", cases: cases::poses::CASES },
-    Group { title: "Pictures and numbers", cases: cases::pictures::CASES },
+pub const GROUPS: [CaseGroup; 8] = [
+    CaseGroup { title: "Exposures", cases: cases::exposures::CASES },
+    CaseGroup { title: "Light and its two halves", cases: cases::light::CASES },
+    CaseGroup { title: "Spheres before soft light", cases: cases::spheres::CASES },
+    CaseGroup { title: "Gloss", cases: cases::gloss::CASES },
+    CaseGroup { title: "Hard shadows", cases: cases::shadows::CASES },
+    CaseGroup { title: "Near light", cases: cases::near::CASES },
+    CaseGroup { title: "Poses and time", cases: cases::poses::CASES },
+    CaseGroup { title: "Pictures and numbers", cases: cases::pictures::CASES },
 ];
 
 /// All cases in one row.
-pub fn all() -> impl Iterator<Item = &'static Case> {
+pub fn all() -> impl Iterator<Item = &'static HardCase> {
     GROUPS.iter().flat_map(|group| group.cases)
 }
 
@@ -126,12 +126,12 @@ mod tests {
 
     #[test]
     fn what_is_not_a_number_is_within_no_bound() {
-        let bound = Bound::SHARE;
+        let bound = CaseBound::SHARE;
         assert!(bound.holds(0.0) && bound.holds(1.0));
         assert!(!bound.holds(f64::NAN) && !bound.holds(1.0 + 1e-9) && !bound.holds(-1e-9));
-        let any = Bound::new(f64::NEG_INFINITY, f64::INFINITY);
+        let any = CaseBound::new(f64::NEG_INFINITY, f64::INFINITY);
         assert!(!any.holds(f64::NAN));
-        assert!(Bound::exactly(2.0).holds(2.0) && Bound::about(2.0, 0.5).holds(1.5));
+        assert!(CaseBound::exactly(2.0).holds(2.0) && CaseBound::about(2.0, 0.5).holds(1.5));
     }
 
     #[test]

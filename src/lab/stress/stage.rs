@@ -27,7 +27,7 @@ pub const ORDER: usize = 4;
 
 /// All that one small picture is drawn from.
 #[derive(Clone, Debug)]
-pub struct Stage {
+pub struct StressStage {
     /// Objects, surfaces, spheres.
     pub scene: Scene,
     /// The light.
@@ -48,7 +48,7 @@ pub struct Stage {
     pub display: bool,
 }
 
-impl Stage {
+impl StressStage {
     /// A scene in a light: 48 x 36 pixels of radiance 1, seen from above at an angle.
     pub fn new(scene: Scene, light: Lights) -> Self {
         let quality = Quality {

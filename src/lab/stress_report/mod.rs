@@ -5,7 +5,7 @@ mod page;
 pub use page::{html, markdown, terminal};
 
 use crate::engine::Engine;
-use crate::stress::{Bound, Case, GROUPS, Where};
+use crate::stress::{CaseBound, GROUPS, HardCase, Where};
 use serde_json::{Value, json};
 
 /// An engine with its name for people.
@@ -24,7 +24,7 @@ pub struct CaseRow {
     /// The group's title.
     pub group: &'static str,
     /// The case.
-    pub case: &'static Case,
+    pub case: &'static HardCase,
     /// What the textbook's formula gives.
     pub textbook: f64,
     /// What this program gives, one for each column.
@@ -66,7 +66,7 @@ impl StressReport {
 
 impl StressReport {
     /// Runs the cases that are wanted by their group's title and themselves.
-    pub fn of(mut engines: Vec<NamedEngine>, wanted: &dyn Fn(&str, &Case) -> bool) -> Self {
+    pub fn of(mut engines: Vec<NamedEngine>, wanted: &dyn Fn(&str, &HardCase) -> bool) -> Self {
         let mut rows = Vec::new();
         for group in GROUPS {
             for case in group.cases.iter().filter(|case| wanted(group.title, case)) {
@@ -78,7 +78,7 @@ impl StressReport {
     }
 }
 
-fn row(group: &'static str, case: &'static Case, engines: &mut [NamedEngine]) -> CaseRow {
+fn row(group: &'static str, case: &'static HardCase, engines: &mut [NamedEngine]) -> CaseRow {
     let mut textbook = f64::NAN;
     let mut ours: Vec<Result<f64, String>> = Vec::new();
     for (_, engine) in engines {
@@ -97,7 +97,7 @@ fn row(group: &'static str, case: &'static Case, engines: &mut [NamedEngine]) ->
 }
 
 /// What ran, in words.
-fn place(case: &Case) -> &'static str {
+fn place(case: &HardCase) -> &'static str {
     match case.runs {
         Where::Kernel(pass) => pass.name(),
         Where::Processor => "no shader",
@@ -122,8 +122,8 @@ fn short(number: f64) -> String {
     }
 }
 
-fn bound(bound: &Bound) -> String {
-    let Bound { least, most } = *bound;
+fn bound(bound: &CaseBound) -> String {
+    let CaseBound { least, most } = *bound;
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     if least == most {
         format!("= {}", short(least))
@@ -196,10 +196,10 @@ mod tests {
         ] {
             assert_eq!(short(number), text);
         }
-        assert_eq!(bound(&Bound::exactly(0.0)), "= 0");
-        assert_eq!(bound(&Bound::SHARE), "0 to 1");
-        assert_eq!(bound(&Bound::about(1.0, 1e-6)), "1 ± 1.0e-6");
-        assert_eq!(bound(&Bound::new(0.0, f64::from(f32::MAX))), "from 0 on, finite");
+        assert_eq!(bound(&CaseBound::exactly(0.0)), "= 0");
+        assert_eq!(bound(&CaseBound::SHARE), "0 to 1");
+        assert_eq!(bound(&CaseBound::about(1.0, 1e-6)), "1 ± 1.0e-6");
+        assert_eq!(bound(&CaseBound::new(0.0, f64::from(f32::MAX))), "from 0 on, finite");
     }
 
     #[test]

@@ -1,16 +1,48 @@
 use super::*;
 use proptest::prelude::*;
 
-fn brute(positions: &[Vec3], triangles: &[[u32; 3]], origin: Vec3, direction: Vec3) -> Option<Hit> {
-    let ray = Ray::new(origin, direction)?;
-    let mut best: Option<Hit> = None;
+/// The triangle test of Woop, Benthin and Wald one triangle at a time: t and the corners' weights.
+fn meets(corners: [Vec3; 3], origin: Vec3, direction: Vec3) -> Option<(f32, [f32; 3])> {
+    let size = direction.abs();
+    let z = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+    let shear = [direction[x] / direction[z], direction[y] / direction[z], 1.0 / direction[z]];
+    let [a, b, c] = corners
+        .map(|p| p - origin)
+        .map(|p| [p[x] - shear[0] * p[z], p[y] - shear[1] * p[z], shear[2] * p[z]]);
+    let mut edges = [(c, b), (a, c), (b, a)].map(|(p, q)| p[0] * q[1] - p[1] * q[0]);
+    if edges.contains(&0.0) {
+        edges = [(c, b), (a, c), (b, a)]
+            .map(|(p, q)| (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32);
+    }
+    let determinant: f32 = edges[0] + edges[1] + edges[2];
+    if edges.iter().any(|e| *e < 0.0) && edges.iter().any(|e| *e > 0.0) || determinant == 0.0 {
+        return None;
+    }
+    let weights = edges.map(|e| e / determinant);
+    let t = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
+    (t > 0.0).then_some((t, weights))
+}
+
+fn brute(positions: &[Vec3], triangles: &[[u32; 3]], origin: Vec3, direction: Vec3) -> Option<TriangleHit> {
+    if direction == Vec3::ZERO {
+        return None;
+    }
+    let mut best: Option<TriangleHit> = None;
     for (index, t) in triangles.iter().enumerate() {
-        let corners = t.map(|i| positions[i as usize]);
-        let Some(hit) = ray.meets(&Triangle { corners, index: index as u32 }, 0.0, f32::INFINITY) else {
+        let [a, b, c] = t.map(|i| positions[i as usize]);
+        let area = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3()).length_squared();
+        let Some((t, barycentric)) = meets([a, b, c], origin, direction).filter(|_| area > 0.0) else {
             continue;
         };
-        if best.is_none_or(|b| (hit.t, hit.triangle) < (b.t, b.triangle)) {
-            best = Some(hit);
+        if best.is_none_or(|b| t < b.t) {
+            best = Some(TriangleHit { t, triangle: index as u32, barycentric });
         }
     }
     best

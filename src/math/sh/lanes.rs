@@ -209,12 +209,12 @@ pub(super) fn wide_product<const N: usize, const L: usize>(
     g: &LaneSh<f32, L>,
     out: &mut LaneSh<f32, L>,
 ) {
-    struct Work<'a, const N: usize, const L: usize> {
+    struct Multiply<'a, const N: usize, const L: usize> {
         f: &'a LaneSh<f32, L>,
         g: &'a LaneSh<f32, L>,
         out: &'a mut LaneSh<f32, L>,
     }
-    impl<const N: usize, const L: usize> WithSimd for Work<'_, N, L> {
+    impl<const N: usize, const L: usize> WithSimd for Multiply<'_, N, L> {
         type Output = ();
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) {
@@ -236,7 +236,7 @@ pub(super) fn wide_product<const N: usize, const L: usize>(
             }
         }
     }
-    Arch::new().dispatch(Work::<N, L> { f, g, out });
+    Arch::new().dispatch(Multiply::<N, L> { f, g, out });
 }
 
 /// Takes each lane to what 0 <= V <= 1 allows: V_0 into [0, sqrt(4 pi)], then |V_{l>0}| to at most

@@ -25,7 +25,7 @@ const LEGENDRE: usize = MAX_ORDER * (MAX_ORDER + 1) / 2;
 
 /// One ring at z >= 0, which stands for the one at -z too unless z = 0.
 #[derive(Clone, Debug)]
-struct Ring<T> {
+struct LatitudeRing<T> {
     /// P_lm(z), normalised, at `place(l, m)`: y_lm = P_lm cos(m phi), y_l-m = P_lm sin(m phi).
     values: [T; LEGENDRE],
     /// The same times the solid angle of a sample.
@@ -36,9 +36,9 @@ struct Ring<T> {
 #[derive(Clone, Debug)]
 pub struct Rings<T> {
     /// Those at +-z.
-    pairs: Vec<Ring<T>>,
+    pairs: Vec<LatitudeRing<T>>,
     /// The one at z = 0, where their number is odd.
-    centre: Option<Ring<T>>,
+    centre: Option<LatitudeRing<T>>,
 }
 
 const fn place(l: usize, m: usize) -> usize {
@@ -61,7 +61,7 @@ impl<T: Real> Rings<T> {
         let ring = |z: f64, weight: f64| {
             let mut y = [0.0; MAX_COEFFICIENTS];
             basis::evaluate(order, [(1.0 - z * z).sqrt(), 0.0, z], &mut y);
-            let mut ring = Ring { values: [T::zero(); LEGENDRE], weighted: [T::zero(); LEGENDRE] };
+            let mut ring = LatitudeRing { values: [T::zero(); LEGENDRE], weighted: [T::zero(); LEGENDRE] };
             let solid_angle = weight * 2.0 * std::f64::consts::PI / samples(order) as f64;
             for l in 0..order {
                 for m in 0..=l {
@@ -86,8 +86,9 @@ impl Rings<f64> {
     pub fn pairs_of(order: usize, samples_taken: usize) -> impl Iterator<Item = [[f64; LEGENDRE]; 2]> {
         let rings = f64::rings(order);
         let share = samples(order.clamp(2, MAX_ORDER)) as f64 / samples_taken.max(1) as f64;
-        let scaled =
-            move |ring: &Ring<f64>, weight: f64| [ring.values, ring.weighted.map(|w| w * weight * share)];
+        let scaled = move |ring: &LatitudeRing<f64>, weight: f64| {
+            [ring.values, ring.weighted.map(|w| w * weight * share)]
+        };
         let pairs = rings.pairs.iter().map(move |ring| scaled(ring, 1.0));
         pairs.chain(rings.centre.iter().map(move |ring| scaled(ring, 0.5)))
     }
@@ -120,7 +121,7 @@ macro_rules! each_m {
 #[inline(always)]
 fn to_ring<T: Real, V: Number<T>, const N: usize, const M: usize>(
     zero: V,
-    ring: &Ring<T>,
+    ring: &LatitudeRing<T>,
     f: &[V; MAX_COEFFICIENTS],
     above: &mut Waves<V>,
     below: &mut Waves<V>,
@@ -146,7 +147,7 @@ fn to_ring<T: Real, V: Number<T>, const N: usize, const M: usize>(
 #[inline(always)]
 fn to_rings<T: Real, V: Number<T>, const N: usize>(
     zero: V,
-    ring: &Ring<T>,
+    ring: &LatitudeRing<T>,
     f: &[V; MAX_COEFFICIENTS],
 ) -> (Waves<V>, Waves<V>) {
     let (mut above, mut below) = ([[zero; 2]; MAX_ORDER], [[zero; 2]; MAX_ORDER]);
@@ -157,7 +158,7 @@ fn to_rings<T: Real, V: Number<T>, const N: usize>(
 /// Adds what the rings at z and -z give to the coefficients of one m.
 #[inline(always)]
 fn from_ring<T: Real, V: Number<T>, const N: usize, const M: usize>(
-    ring: &Ring<T>,
+    ring: &LatitudeRing<T>,
     above: &Waves<V>,
     below: &Waves<V>,
     out: &mut [V; MAX_COEFFICIENTS],

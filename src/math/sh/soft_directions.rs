@@ -3,15 +3,6 @@
 
 use super::{Real, lanes::Lane};
 
-/// Direction j of N on the Fibonacci spiral: z = 1 - 2(j+1/2)/N, phi = pi (1 + sqrt 5)(j+1/2). Unit.
-pub fn direction(j: usize, count: usize) -> [f64; 3] {
-    let half = j as f64 + 0.5;
-    let z = 1.0 - 2.0 * half / count.max(1) as f64;
-    let phi = std::f64::consts::PI * (1.0 + 5.0_f64.sqrt()) * half;
-    let sine = (1.0 - z * z).max(0.0).sqrt();
-    [sine * phi.cos(), sine * phi.sin(), z]
-}
-
 /// Half the step between N directions, softened: h = 0.7 sqrt(4 pi/N), radians.
 pub fn softness(count: usize) -> f64 {
     0.7 * (4.0 * std::f64::consts::PI / count.max(1) as f64).sqrt()

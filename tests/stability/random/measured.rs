@@ -25,7 +25,7 @@ use halflight::{
         tree::SourceTree,
     },
     track::{
-        align::{View, place},
+        align::{MapView, place},
         minima,
     },
 };
@@ -221,8 +221,8 @@ fn track() {
                 prop_assert!(DVec3::from(back).distance(eye) < 1e-4, "{back:?} for {eye}");
             }
         }
-        let views: Vec<View<f32>> =
-            views.iter().map(|(known, map)| View { known_m: Vector(*known), map: Vector(*map) }).collect();
+        let views: Vec<MapView<f32>> =
+            views.iter().map(|(known, map)| MapView { known_m: Vector(*known), map: Vector(*map) }).collect();
         let turn = Quaternion(p).renormalised();
         if let Some(found) = place(turn, &views) {
             prop_assert!(

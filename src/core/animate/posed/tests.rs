@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::animation::{
-    BoundSphere, Channel, Clip, Interpolation, Joint, Moves, Node, Playing, Skeleton, Walk,
+    BoundSphere, Channel, Clip, Interpolation, Joint, Moves, Playing, Skeleton, SkeletonNode, Walk,
 };
 use crate::model::scene::{Material, Mesh, VirtualObject};
 use glam::{Quat, Vec2, Vec4};
@@ -22,7 +22,7 @@ fn object(name: &str) -> VirtualObject {
 
 /// One node that a clip lifts by 1 m in 1 s and turns about x, one object on it, one sphere; scaled to half.
 fn lifted(object: usize) -> Figure {
-    let node = Node { name: "bone".into(), parent: None, rest: Transform::IDENTITY };
+    let node = SkeletonNode { name: "bone".into(), parent: None, rest: Transform::IDENTITY };
     let joint = Joint { node: 0, node_from_bind: Affine3A::from_translation(-Vec3::X) };
     let channel = |moves, to: Vec4, from: Vec4| Channel {
         node: 0,

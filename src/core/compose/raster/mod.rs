@@ -18,7 +18,7 @@ pub use rows::{Points, Row};
 use crate::math::{pose::Pose, widest::widest};
 use crate::model::image::Image;
 use glam::{Mat3, Vec3};
-use projected::Setup;
+use projected::TriangleSetup;
 use rayon::prelude::*;
 
 /// Rows of one unit of parallel work; fixed, so that no result depends on the number of threads.
@@ -100,7 +100,7 @@ pub fn draw_objects(
             return;
         }
         let start = band * band_samples;
-        let part = Part {
+        let part = PictureStrip {
             first_row: band * BAND_ROWS,
             width,
             count,
@@ -112,7 +112,7 @@ pub fn draw_objects(
             let setup = &objects.setups[triangle as usize];
             columns = [columns[0].min(setup.columns[0]), columns[1].max(setup.columns[1])];
         }
-        let touched = Part { columns, ..part };
+        let touched = PictureStrip { columns, ..part };
         widest(
             #[inline(always)]
             || {
@@ -181,7 +181,7 @@ pub fn draw_rows<P: Copy + Send + Sync>(
     rows.zip(distances).zip(triangles).enumerate().for_each(|(band, ((out, distances), triangles))| {
         out.fill(background);
         let start = band * band_pixels;
-        let part = Part {
+        let part = PictureStrip {
             first_row: band * BAND_ROWS,
             width,
             count: 1,
@@ -208,7 +208,7 @@ pub fn draw_rows<P: Copy + Send + Sync>(
 
 /// A part of the picture: some rows, and some of their columns; the rays of its rows.
 #[derive(Clone, Copy)]
-struct Part<'a> {
+struct PictureStrip<'a> {
     first_row: usize,
     width: usize,
     count: usize,
@@ -226,13 +226,13 @@ fn nearest(triangle: u32) -> impl Fn(f32, (f32, u32)) -> (f32, u32) {
 /// triangle) what it sees now.
 #[inline(always)]
 fn cover(
-    setup: &Setup,
-    part: &Part<'_>,
+    setup: &TriangleSetup,
+    part: &PictureStrip<'_>,
     distances: &mut [f32],
     triangles: &mut [u32],
     see: impl Fn(f32, (f32, u32)) -> (f32, u32),
 ) {
-    let Part { first_row, width, count, columns, rays } = *part;
+    let PictureStrip { first_row, width, count, columns, rays } = *part;
     let columns = [setup.columns[0].max(columns[0]), setup.columns[1].min(columns[1])];
     if columns[0] > columns[1] {
         return;

@@ -12,7 +12,7 @@ const EDGE_STEP_COSINE: f64 = 0.998_629_534_754_573_9;
 
 /// A triangle ready to be tested: all signs such that inside is positive.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Setup {
+pub(super) struct TriangleSetup {
     /// Corner j x corner k, for the edge opposite to corner i.
     pub(super) edges: [Vec3; 3],
     /// Twice the triangle's area vector; `distance / (normal . ray)` is the distance along the ray.
@@ -27,7 +27,7 @@ pub(super) struct Setup {
 #[derive(Clone, Debug, Default)]
 pub struct Projected {
     vertices: Vec<(Vec3, Option<DVec2>)>,
-    pub(super) setups: Vec<Setup>,
+    pub(super) setups: Vec<TriangleSetup>,
     bin_ends: Vec<usize>,
     bins: Vec<u32>,
 }
@@ -46,7 +46,7 @@ impl Projected {
             }
         });
         let vertices = &self.vertices;
-        self.setups.resize(triangles.len(), Setup::default());
+        self.setups.resize(triangles.len(), TriangleSetup::default());
         let chunks = self.setups.par_chunks_mut(512).zip(triangles.par_chunks(512));
         chunks.for_each(|(out, triangles)| {
             for (setup, triangle) in out.iter_mut().zip(triangles) {
@@ -61,7 +61,7 @@ impl Projected {
         let bands = height.div_ceil(BAND_ROWS);
         self.bin_ends.clear();
         self.bin_ends.resize(bands, 0);
-        let touched = |s: &Setup| {
+        let touched = |s: &TriangleSetup| {
             if s.columns[0] > s.columns[1] || s.rows[0] > s.rows[1] {
                 0..0
             } else {
@@ -108,8 +108,8 @@ impl Projected {
 }
 
 /// Planes of a triangle and the part of the picture that it may cover.
-fn prepare(lens: &Lens, half_angle_rad: f32, corners: [(Vec3, Option<DVec2>); 3]) -> Setup {
-    let mut setup = Setup { columns: [0, -1], ..Setup::default() };
+fn prepare(lens: &Lens, half_angle_rad: f32, corners: [(Vec3, Option<DVec2>); 3]) -> TriangleSetup {
+    let mut setup = TriangleSetup { columns: [0, -1], ..TriangleSetup::default() };
     let v = corners.map(|c| c.0);
     if !v.iter().all(|c| c.is_finite()) {
         return setup;

@@ -13,19 +13,19 @@ pub const SAMPLES: [[f32; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.62
 pub struct Rays {
     pub(super) lens: Option<Lens>,
     pub(super) samples_a_pixel: usize,
-    pub(super) centres: Directions,
-    pub(super) samples: Directions,
+    pub(super) centres: RayDirections,
+    pub(super) samples: RayDirections,
     /// Largest angle between a sample's ray and the axis, radians.
     pub(super) half_angle_rad: f32,
 }
 
 /// Unit vectors, each coordinate in a list of its own; zero: none.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Directions {
+pub(super) struct RayDirections {
     axes: [Vec<f32>; 3],
 }
 
-impl Directions {
+impl RayDirections {
     /// Rows of `length` vectors, `direction(row, k)` each.
     fn fill(&mut self, rows: usize, length: usize, direction: impl Fn(usize, usize) -> Vec3 + Sync) {
         for axis in &mut self.axes {

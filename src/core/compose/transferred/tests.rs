@@ -141,9 +141,10 @@ fn keeping_v_gives_what_its_product_matrix_gives() {
         let (light, count) = (light(order), order * order);
         let mut matrix = Transfer::default();
         matrix.update(&light);
-        let mut v: Row = std::array::from_fn(|i| if i < count { (i as f32 * 1.7).sin() * 0.3 } else { 0.0 });
+        let mut v: ShRow =
+            std::array::from_fn(|i| if i < count { (i as f32 * 1.7).sin() * 0.3 } else { 0.0 });
         v[0] = 2.5;
-        let f: Row = std::array::from_fn(|i| if i < count { (i as f32 * 0.9).cos() * 0.5 } else { 0.0 });
+        let f: ShRow = std::array::from_fn(|i| if i < count { (i as f32 * 0.9).cos() * 0.5 } else { 0.0 });
         let mut of_v = [0.0f32; MAX_COEFFICIENTS * MAX_COEFFICIENTS];
         product::product_matrix(order, &v, &mut of_v);
         let mut seen = [0.0f32; MAX_COEFFICIENTS];

@@ -1,4 +1,5 @@
 use super::*;
+use crate::math::dice::Dice;
 use proptest::prelude::*;
 
 /// A place with texture of many sizes, continuous: radiance at a point.
@@ -18,7 +19,7 @@ fn photograph(width: usize, height: usize, drift: &Drift, exposure: f64, noise_d
     // The picture shows at q what the reference shows at p: turn back.
     let back = |q: DVec2| middle + DVec2::from_angle(-drift.turn_rad).rotate(q - drift.shift_px - middle);
     // Noise of its own for each photograph.
-    let mut seed = (1e6 * (exposure + 7.0 * drift.shift_px.x)) as i64 as u32;
+    let mut dice = Dice::new((1e6 * (exposure + 7.0 * drift.shift_px.x)) as i64 as u64);
     let mut pixels = Vec::with_capacity(width * height);
     for y in 0..height {
         for x in 0..width {
@@ -26,8 +27,7 @@ fn photograph(width: usize, height: usize, drift: &Drift, exposure: f64, noise_d
                 .iter()
                 .map(|(dx, dy)| 0.25 * place(back(DVec2::new(x as f64 + dx, y as f64 + dy))))
                 .sum();
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            let jitter = noise_dn * (f64::from(seed >> 8) / f64::from(1u32 << 24) - 0.5) * 2.0;
+            let jitter = noise_dn * (dice.unit() - 0.5) * 2.0;
             let z = f64::from(response.value_of(1, (light * exposure) as f32)) + jitter;
             pixels.push([z.round().clamp(0.0, 255.0) as u8; 3]);
         }
@@ -127,11 +127,8 @@ proptest! {
     fn any_two_pictures_are_survived(
         width in 1usize..90, height in 1usize..90, seed in any::<u32>(), same in any::<bool>()
     ) {
-        let mut state = seed;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            [(state >> 24) as u8; 3]
-        };
+        let mut dice = Dice::new(u64::from(seed));
+        let mut noise = || [(dice.bits() >> 56) as u8; 3];
         let a = Rgb8Image::from_pixels(width, height, (0..width * height).map(|_| noise()).collect()).unwrap();
         let b = if same { a.clone() } else { Rgb8Image::filled(width, height, noise()) };
         if let Some(found) = drift(&a, &b) {

@@ -66,9 +66,9 @@ fn light() -> LinearLight {
     LinearLight::new(&Response::new([std::array::from_fn(|z| (z as f32).max(0.5).ln()); 3]).unwrap())
 }
 
-fn equal_fill() -> Fill {
+fn equal_fill() -> BoundFill {
     let exposure = Exposure { time_s: 0.01, gain: 1.0 };
-    Fill::new(&Response::srgb(), exposure, exposure)
+    BoundFill::new(&Response::srgb(), exposure, exposure)
 }
 
 fn warped(
@@ -182,7 +182,7 @@ fn what_the_older_frame_did_not_see_is_filled() {
     now.pixels_mut()[..400].fill([255, 0, 128]);
     let mut out = Rgb8Image::default();
     let at = |time_s| Exposure { time_s, gain: 1.0 };
-    let fill = Fill::new(&Response::srgb(), at(0.04), at(0.01));
+    let fill = BoundFill::new(&Response::srgb(), at(0.04), at(0.01));
     warp.apply(&source, &now, (&fill, &light()), &mut out);
     assert_eq!(*out.at(0, 100), [0; 3]);
     // 255 in the newest, four times longer exposure: 1/4 of full scale is sRGB 137.
@@ -190,7 +190,7 @@ fn what_the_older_frame_did_not_see_is_filled() {
     let seen = out.pixels().iter().filter(|p| **p == [60; 3]).count();
     assert!((3_000..25_000).contains(&seen), "{seen}");
     // Towards the longer exposure it is the dark end that must not claim more: 0 counts as 0.25, four times that is 1.
-    let fill = Fill::new(&Response::srgb(), at(0.01), at(0.04));
+    let fill = BoundFill::new(&Response::srgb(), at(0.01), at(0.04));
     assert_eq!(fill.pixel([0, 255, 10]), [1, 255, 0]);
 }
 

@@ -48,7 +48,7 @@ pub struct Finder {
 }
 
 /// What a cap holds beyond its background.
-struct Cap {
+struct BrightCap {
     centre: Vec3,
     background_rgb: [f32; 3],
     /// Luminous flux beyond the background.
@@ -139,7 +139,7 @@ impl Finder {
         }
     }
 
-    fn consider_swap(&mut self, cap: &Cap) {
+    fn consider_swap(&mut self, cap: &BrightCap) {
         let flux = |f: &Option<Followed>| f.map_or(0.0, |f| color::luminance(f.light.flux_rgb));
         let faintest = (0..MAX_LIGHTS - self.unused)
             .min_by(|&a, &b| flux(&self.followed[a]).total_cmp(&flux(&self.followed[b])));
@@ -166,9 +166,9 @@ impl Finder {
     }
 
     /// The cap whose centre is the centroid of the light in it, beginning from `seed`.
-    fn cap_around(&mut self, seed: Vec3) -> Cap {
+    fn cap_around(&mut self, seed: Vec3) -> BrightCap {
         let (cos_cap, cos_ring) = (CAP_DEG.to_radians().cos(), RING_DEG.to_radians().cos());
-        let mut cap = Cap { centre: seed, background_rgb: [0.0; 3], flux: 0.0 };
+        let mut cap = BrightCap { centre: seed, background_rgb: [0.0; 3], flux: 0.0 };
         for step in 0..CENTRE_STEPS {
             cap.background_rgb = self.background(cap.centre, cos_cap, cos_ring);
             let (mut moment, mut flux) = (Vec3::ZERO, 0.0);
@@ -216,7 +216,7 @@ impl Finder {
     }
 
     /// Takes a light's share out of the texels of its cap, and puts the background in its place.
-    fn take(&mut self, slot: usize, cap: &Cap, whole: f32) {
+    fn take(&mut self, slot: usize, cap: &BrightCap, whole: f32) {
         let Some(followed) = &mut self.followed[slot] else { return };
         let light = &mut followed.light;
         let cos_cap = CAP_DEG.to_radians().cos();

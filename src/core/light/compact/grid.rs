@@ -11,7 +11,7 @@ const SIDES: (usize, usize) = (16, 64);
 
 /// What is known of a texel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Cell {
+struct GridTexel {
     /// Integral of radiance over the part of the texel that was seen.
     flux_rgb: [f32; 3],
     /// Sum of directions, each weighted by luminous flux.
@@ -35,8 +35,8 @@ pub struct Texel {
 #[derive(Clone, Debug, Default)]
 pub struct LightGrid {
     side: usize,
-    cells: Vec<Cell>,
-    newest: Vec<Cell>,
+    cells: Vec<GridTexel>,
+    newest: Vec<GridTexel>,
 }
 
 impl LightGrid {
@@ -50,10 +50,10 @@ impl LightGrid {
         if self.cells.is_empty() || alpha >= 1.0 {
             self.side = ((count as f32 / 6.0).sqrt() as usize).clamp(SIDES.0, SIDES.1);
             self.cells.clear();
-            self.cells.resize(6 * self.side * self.side, Cell::default());
+            self.cells.resize(6 * self.side * self.side, GridTexel::default());
         }
         self.newest.clear();
-        self.newest.resize(self.cells.len(), Cell::default());
+        self.newest.resize(self.cells.len(), GridTexel::default());
         for (d, r) in samples.directions.iter().zip(&samples.radiance) {
             let direction = Vec3::new(d[0], d[1], d[2]);
             let flux_rgb = [r[0] * d[3], r[1] * d[3], r[2] * d[3]];

@@ -10,7 +10,7 @@ pub use grid::LightGrid;
 
 use crate::math::sh::{MAX_COEFFICIENTS, basis::evaluate};
 use crate::model::light::{HardLight, Lights, MAX_HARD_LIGHTS, RadianceSamples, RadianceSh};
-use crate::sources::cut::{Cutter, Representative};
+use crate::sources::cut::{Cutter, FarRepresentative};
 use find::Finder;
 use glam::Vec3;
 
@@ -87,7 +87,7 @@ impl CompactSplit {
 ///
 /// Its direction is the median's, where a wide rim does not pull a sun's shadow off; its irradiance is that of the
 /// leaves on a plane that faces their mean, |integral of L w|, which is a little less than their flux.
-fn hard(representative: &Representative) -> HardLight {
+fn hard(representative: &FarRepresentative) -> HardLight {
     let facing = representative.mean.length();
     HardLight {
         to_light_world: representative.at.normalize_or(Vec3::Z).to_array(),

@@ -120,11 +120,8 @@ fn a_still_light_stays_still_and_near_equals_do_not_change_places() {
     let clean = place(6000, 0.1, &at.map(|d| (d + Vec3::new(0.1, 0.2, 0.15), 7.0, 1.0)));
     let total = crate::light::project_sh::project_sh(&clean, 4);
     let mut split = CompactSplit::new();
-    let mut state = 1u32;
-    let mut random = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1u32 << 24) as f32 - 0.5
-    };
+    let mut dice = crate::math::dice::Dice::new(1);
+    let mut random = || dice.unit_f32() - 0.5;
     let (mut changes, mut last) = (0, None);
     let (mut sums, mut squares, mut count) = ([Vec3::ZERO; 4], [0.0f64; 4], 0.0);
     for frame in 0..600 {

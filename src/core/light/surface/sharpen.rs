@@ -15,21 +15,7 @@ impl SurfaceFit {
     pub(super) fn sharpen(&mut self, solutions: &[Solution; 3], clipped: &mut ClippedLights) {
         let cells = clipped.cells.len();
         let gray = GRAY_PAPER.map(f64::from);
-        // What each cell adds to the lit surface, in gray, as it is now.
-        self.share.clear();
-        self.share.resize(cells, 0.0);
-        for c in 0..3 {
-            let mut whole = [0.0; MOST_LIGHTS];
-            for cell in &clipped.cells {
-                whole[cell.light] += cell.density * cell.weight[c];
-            }
-            for (share, cell) in self.share.iter_mut().zip(&clipped.cells) {
-                if whole[cell.light] > 0.0 {
-                    let part = cell.density * cell.weight[c] / whole[cell.light];
-                    *share += gray[c] * part * solutions[c].missing[cell.light];
-                }
-            }
-        }
+        self.find_shares(solutions, clipped);
         self.share_before.clone_from(&self.share);
         let total: f64 = self.share.iter().sum();
         // How much of the lights each point in their shadow lacks, and the noise there.
@@ -66,19 +52,7 @@ impl SurfaceFit {
             }
         }
         for _ in 0..SHARPEN_ROUNDS {
-            self.next_share.clear();
-            self.next_share.resize(cells, 0.0);
-            let mut misfit = 0.0;
-            for (p, shade) in self.in_shadow.iter().zip(&self.shade) {
-                let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
-                let model: f64 = row.iter().zip(&self.share).map(|(h, s)| f64::from(*h) * s).sum();
-                misfit += (model - shade).powi(2);
-                let ratio = (shade + floor) / (model + floor);
-                for (next, hidden) in self.next_share.iter_mut().zip(row) {
-                    *next += f64::from(*hidden) * ratio;
-                }
-            }
-            if misfit <= noise {
+            if self.round(floor) <= noise {
                 break;
             }
             for ((share, next), reach) in self.share.iter_mut().zip(&self.next_share).zip(&self.reach) {
@@ -92,5 +66,42 @@ impl SurfaceFit {
                 cell.density *= share / before;
             }
         }
+    }
+
+    /// What each cell adds to the lit surface, in gray, as it is now.
+    fn find_shares(&mut self, solutions: &[Solution; 3], clipped: &ClippedLights) {
+        self.share.clear();
+        self.share.resize(clipped.cells.len(), 0.0);
+        for c in 0..3 {
+            let mut whole = [0.0; MOST_LIGHTS];
+            for cell in &clipped.cells {
+                whole[cell.light] += cell.density * cell.weight[c];
+            }
+            for (share, cell) in self.share.iter_mut().zip(&clipped.cells) {
+                if whole[cell.light] > 0.0 {
+                    let part = cell.density * cell.weight[c] / whole[cell.light];
+                    *share += f64::from(GRAY_PAPER[c]) * part * solutions[c].missing[cell.light];
+                }
+            }
+        }
+    }
+
+    /// Finds by how much each cell's share is to grow, times `reach`, and how far the shares are off the shadows: a sum of
+    /// squares.
+    fn round(&mut self, floor: f64) -> f64 {
+        let cells = self.share.len();
+        self.next_share.clear();
+        self.next_share.resize(cells, 0.0);
+        let mut misfit = 0.0;
+        for (p, shade) in self.in_shadow.iter().zip(&self.shade) {
+            let row = &self.hidden[*p as usize * cells..(*p as usize + 1) * cells];
+            let model: f64 = row.iter().zip(&self.share).map(|(h, s)| f64::from(*h) * s).sum();
+            misfit += (model - shade).powi(2);
+            let ratio = (shade + floor) / (model + floor);
+            for (next, hidden) in self.next_share.iter_mut().zip(row) {
+                *next += f64::from(*hidden) * ratio;
+            }
+        }
+        misfit
     }
 }

@@ -8,11 +8,14 @@
 
 use super::caps::{LaneCap, LaneVec};
 use crate::{
-    math::sh::{
-        MAX_COEFFICIENTS, basis,
-        lanes::{Lane, LaneSh, nothing},
-        log_exp::whole,
-        soft_directions::{Ramp, direction, softness},
+    math::{
+        sh::{
+            MAX_COEFFICIENTS, basis,
+            lanes::{Lane, LaneSh, nothing},
+            log_exp::whole,
+            soft_directions::{Ramp, softness},
+        },
+        spiral,
     },
     model::blocker::BlockerSphere,
 };
@@ -23,7 +26,7 @@ const MOST: usize = 256;
 
 /// What depends on N and the order alone.
 #[derive(Clone, Debug, Default)]
-pub struct Directions {
+pub struct FixedDirections {
     order: usize,
     softness: f32,
     least_sine: f32,
@@ -35,13 +38,13 @@ pub struct Directions {
 }
 
 /// How much of each direction is open to L receivers.
-pub struct Open<const L: usize> {
+pub struct OpenDirections<const L: usize> {
     v: [Lane<f32, L>; MOST],
     /// Elsewhere v is 1.
     touched: Range<usize>,
 }
 
-impl Directions {
+impl FixedDirections {
     /// For `count` directions (32 to 256) and an order; keeps what is there when both are as before.
     pub fn prepare(&mut self, count: usize, order: usize) {
         let count = count.min(MOST);
@@ -55,7 +58,7 @@ impl Directions {
         let mut y = [0.0; MAX_COEFFICIENTS];
         let mut means = [0.0; MAX_COEFFICIENTS];
         for j in 0..count {
-            basis::evaluate(order, direction(j, count), &mut y);
+            basis::evaluate(order, spiral::direction(j, count).to_array(), &mut y);
             for (mean, y) in means.iter_mut().zip(y).skip(1) {
                 *mean += y / count as f64;
             }
@@ -65,7 +68,7 @@ impl Directions {
         self.means.extend(means.iter().map(|mean| *mean as f32));
         self.basis.clear();
         for j in 0..count {
-            let d = direction(j, count);
+            let d = spiral::direction(j, count).to_array();
             basis::evaluate(order, d, &mut y);
             self.directions.push(d.map(|v| v as f32));
             self.basis.push(std::array::from_fn(|i| {
@@ -101,9 +104,9 @@ impl Directions {
         spheres: impl Iterator<Item = &'a BlockerSphere>,
         points: &LaneVec<L>,
         normals: &LaneVec<L>,
-    ) -> Option<Open<L>> {
+    ) -> Option<OpenDirections<L>> {
         let count = self.directions.len();
-        let mut open = Open { v: [Lane::splat(1.0); MOST], touched: count..0 };
+        let mut open = OpenDirections { v: [Lane::splat(1.0); MOST], touched: count..0 };
         for cap in spheres.filter_map(|sphere| LaneCap::of_sphere(sphere, points, normals)) {
             let mut ramp =
                 Ramp::of_cap(cap.axis, cap.sine_squared, cap.cosine, self.softness, self.least_sine)
@@ -172,7 +175,7 @@ impl Directions {
     }
 }
 
-impl<const L: usize> Open<L> {
+impl<const L: usize> OpenDirections<L> {
     /// Adds sum_j (1 - v_j) weights_j, direction after direction, to `count` sums.
     #[inline(always)]
     pub fn add_blocked<const W: usize>(&self, weights: &[[f32; W]], count: usize, sums: &mut [Lane<f32, L>]) {

@@ -13,7 +13,7 @@ mod shader_terms;
 mod tests;
 
 pub use crate::model::blocker::SHADER_SPHERES;
-pub use plane::Plane;
+pub use plane::BlockedPlane;
 pub use shader_terms::{BlockerTables, BlockerTerms};
 
 use crate::{
@@ -25,7 +25,7 @@ use crate::{
     model::blocker::{BlockerSphere, Rung},
 };
 use caps::lanes_of;
-use directions::Directions;
+use directions::FixedDirections;
 use glam::Vec3;
 
 /// Receivers that are taken side by side. Sixteen make a product cheaper and all else dearer, and in a frame most of the
@@ -42,7 +42,7 @@ pub struct Blockers {
     rung: Rung,
     order: usize,
     tables: &'static Tables,
-    directions: Directions,
+    directions: FixedDirections,
 }
 
 impl Default for Blockers {
@@ -59,7 +59,7 @@ impl Blockers {
             rung: Rung::Linear,
             order: 2,
             tables: tables(2),
-            directions: Directions::default(),
+            directions: FixedDirections::default(),
         }
     }
 

@@ -9,7 +9,7 @@ use glam::Vec3;
 
 /// What all points of a plane share, made by [`Blockers::plane`]. Keeps its memory.
 #[derive(Clone, Debug)]
-pub struct Plane {
+pub struct BlockedPlane {
     normal: Vec3,
     body: Option<u32>,
     transfer: [[f32; 3]; 36],
@@ -18,7 +18,7 @@ pub struct Plane {
     pub(super) weights: Vec<[f32; 3]>,
 }
 
-impl Default for Plane {
+impl Default for BlockedPlane {
     fn default() -> Self {
         Self {
             normal: Vec3::Z,
@@ -30,7 +30,7 @@ impl Default for Plane {
     }
 }
 
-impl Plane {
+impl BlockedPlane {
     /// Unit, world frame.
     pub fn normal(&self) -> Vec3 {
         self.normal
@@ -51,7 +51,13 @@ impl Plane {
 impl Blockers {
     /// Prepares a plane of unit normal `normal` (world) and transfer row `transfer` (as for [`Blockers::shade`]) for these
     /// blockers; to be made anew after each [`Blockers::prepare`].
-    pub fn plane(&self, normal: Vec3, body: Option<u32>, transfer: &[[f32; 3]; 36], plane: &mut Plane) {
+    pub fn plane(
+        &self,
+        normal: Vec3,
+        body: Option<u32>,
+        transfer: &[[f32; 3]; 36],
+        plane: &mut BlockedPlane,
+    ) {
         (plane.normal, plane.body, plane.transfer) = (normal, body, *transfer);
         plane.unblocked = unblocked(transfer);
         plane.weights.clear();
@@ -62,9 +68,9 @@ impl Blockers {
     }
 
     /// The soft light that reaches points of a plane (world frame, metres) past the spheres, each channel; exactly
-    /// [`Plane::unblocked`] where nothing blocks. Gives what [`Blockers::shade`] gives, for `directions` up to rounding,
+    /// [`BlockedPlane::unblocked`] where nothing blocks. Gives what [`Blockers::shade`] gives, for `directions` up to rounding,
     /// at a fraction of the time. The shorter list says how many points there are.
-    pub fn shade_plane(&self, plane: &Plane, points_world: &[Vec3], out: &mut [[f32; 3]]) {
+    pub fn shade_plane(&self, plane: &BlockedPlane, points_world: &[Vec3], out: &mut [[f32; 3]]) {
         let normals = [plane.normal; LANES];
         for (points, out) in points_world.chunks(LANES).zip(out.chunks_mut(LANES)) {
             let last = points.len() - 1;

@@ -55,7 +55,7 @@ fn nothing_in_the_way_is_exactly_open() {
             assert!(v[1..].iter().all(|v| *v == 0.0), "{rung:?} {order}: {v:?}");
             let (blocked, open) = blockers.shade(Vec3::ZERO, Vec3::Z, Some(5), &transfer());
             assert_eq!(blocked, open);
-            let (mut plane, mut out) = (Plane::default(), [[0.0; 3]]);
+            let (mut plane, mut out) = (BlockedPlane::default(), [[0.0; 3]]);
             blockers.plane(Vec3::Z, Some(5), &transfer(), &mut plane);
             blockers.shade_plane(&plane, &[Vec3::ZERO], &mut out);
             assert_eq!(out[0], plane.unblocked());
@@ -132,7 +132,7 @@ proptest! {
             let mut many = Vec::new();
             blockers.visibility_many(&points, &vec![normal; points.len()], Some(2), |_, v| many.push(*v));
             prop_assert_eq!(many.len(), points.len());
-            let mut plane = Plane::default();
+            let mut plane = BlockedPlane::default();
             blockers.plane(normal, Some(2), &transfer(), &mut plane);
             let mut shaded = vec![[0.0; 3]; points.len()];
             blockers.shade_plane(&plane, &points, &mut shaded);
@@ -229,13 +229,12 @@ fn fixed_directions_hide_small_caps_in_the_mean() {
         let (mut sum, places) = (0.0f64, 400);
         for k in 0..places {
             let z = (k as f32 + 0.5) / places as f32;
-            let (sin, cos) = (2.399_963 * k as f32).sin_cos();
-            let axis = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let axis = ((1.0 - z * z).sqrt() * crate::math::spiral::turn_f32(k)).extend(z);
             let blockers =
                 of(&[sphere((3.0 * axis).to_array(), 3.0 * half_angle.sin())], Rung::Directions, 4, count);
             sum += f64::from(1.0 - at_origin(&blockers)[0] / whole());
         }
-        let (found, want) = (sum / f64::from(places), 0.5 * (1.0 - f64::from(half_angle).cos()));
+        let (found, want) = (sum / places as f64, 0.5 * (1.0 - f64::from(half_angle).cos()));
         println!("{half_angle_deg} degrees, {count} directions: {found:.3e} for {want:.3e}");
         assert!((found / want - 1.0).abs() < most, "{half_angle_deg} degrees: {found:e} for {want:e}");
     }

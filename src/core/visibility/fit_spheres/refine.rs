@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// A sphere in cubes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct FoundSphere {
     /// Centre.
     pub centre: DVec3,
     /// Above 0.
@@ -30,13 +30,13 @@ const PLACES: usize = 160;
 /// Radii that are tried there, cubes.
 const RADII: [f64; 7] = [1.2, 1.8, 2.6, 3.7, 5.2, 7.3, 10.0];
 
-fn gain(voxels: &Voxels, sphere: &Found) -> f64 {
+fn gain(voxels: &Voxels, sphere: &FoundSphere) -> f64 {
     voxels.gain(sphere, COVERED, OVERLAP)
 }
 
 /// Moves and resizes one sphere after the other, by smaller and smaller steps, for as long as it helps. All are counted
 /// in before and after.
-pub fn refine(voxels: &mut Voxels, spheres: &mut [Found]) {
+pub fn refine(voxels: &mut Voxels, spheres: &mut [FoundSphere]) {
     for step in STEPS {
         let mut settled = vec![false; spheres.len()];
         for _ in 0..ROUNDS {
@@ -69,10 +69,10 @@ pub fn refine(voxels: &mut Voxels, spheres: &mut [Found]) {
 }
 
 /// The best of a sphere's neighbours at one step, or itself.
-fn better(voxels: &Voxels, sphere: Found, step: f64) -> Found {
+fn better(voxels: &Voxels, sphere: FoundSphere, step: f64) -> FoundSphere {
     let mut best = (gain(voxels, &sphere), sphere);
     let mut consider = |centre: DVec3, radius: f64| {
-        let candidate = Found { centre, radius };
+        let candidate = FoundSphere { centre, radius };
         if radius >= SMALLEST {
             let value = gain(voxels, &candidate);
             if value > best.0 + 1e-9 {
@@ -97,9 +97,9 @@ fn better(voxels: &Voxels, sphere: Found, step: f64) -> Found {
 }
 
 /// Takes the sphere that brings least and puts it where a new one brings most, for as long as the whole gains.
-pub fn relocate(voxels: &mut Voxels, spheres: &mut Vec<Found>, progress: &mut dyn FnMut(f32)) {
+pub fn relocate(voxels: &mut Voxels, spheres: &mut Vec<FoundSphere>, progress: &mut dyn FnMut(f32)) {
     let tries = 3 * spheres.len() + MOST_VAIN;
-    let mut banned: Vec<Found> = Vec::new();
+    let mut banned: Vec<FoundSphere> = Vec::new();
     for attempt in 0..tries {
         progress(attempt as f32 / tries as f32);
         let Some(least) = least(voxels, spheres, &banned) else { break };
@@ -130,7 +130,7 @@ pub fn relocate(voxels: &mut Voxels, spheres: &mut Vec<Found>, progress: &mut dy
 }
 
 /// The index of the sphere whose loss costs least, of those that were not tried in vain.
-fn least(voxels: &mut Voxels, spheres: &[Found], banned: &[Found]) -> Option<usize> {
+fn least(voxels: &mut Voxels, spheres: &[FoundSphere], banned: &[FoundSphere]) -> Option<usize> {
     let mut least: Option<(f64, usize)> = None;
     for (k, sphere) in spheres.iter().enumerate() {
         if banned.contains(sphere) {
@@ -147,13 +147,13 @@ fn least(voxels: &mut Voxels, spheres: &[Found], banned: &[Found]) -> Option<usi
 }
 
 /// Where a further sphere would bring most.
-fn vacancy(voxels: &Voxels) -> Option<Found> {
+fn vacancy(voxels: &Voxels) -> Option<FoundSphere> {
     let free = voxels.uncovered_points();
     let stride = free.len().div_ceil(PLACES).max(1);
-    let mut best: Option<(f64, Found)> = None;
+    let mut best: Option<(f64, FoundSphere)> = None;
     for centre in free.into_iter().step_by(stride) {
         for radius in RADII {
-            let candidate = Found { centre, radius };
+            let candidate = FoundSphere { centre, radius };
             let value = gain(voxels, &candidate);
             if best.is_none_or(|(highest, _)| value > highest) {
                 best = Some((value, candidate));
@@ -164,7 +164,7 @@ fn vacancy(voxels: &Voxels) -> Option<Found> {
 }
 
 /// What all spheres bring together; they are counted in.
-fn total(voxels: &mut Voxels, spheres: &[Found]) -> f64 {
+fn total(voxels: &mut Voxels, spheres: &[FoundSphere]) -> f64 {
     spheres.iter().for_each(|sphere| voxels.add(sphere, -1));
     spheres
         .iter()

@@ -1,6 +1,6 @@
 //! A mesh's volume as cubes, and how many spheres cover each.
 
-use super::{refine::Found, thickness::weights};
+use super::{refine::FoundSphere, thickness::weights};
 use crate::math::bvh::Bvh;
 use glam::{DVec3, Vec3};
 
@@ -145,7 +145,7 @@ impl Voxels {
 
     /// Calls `row(first index, number of cubes)` for the rows of cubes within a sphere, and returns how many of its
     /// cubes lie beyond the grid.
-    fn rows(&self, sphere: &Found, mut row: impl FnMut(usize, usize)) -> f64 {
+    fn rows(&self, sphere: &FoundSphere, mut row: impl FnMut(usize, usize)) -> f64 {
         let (c, r2) = (sphere.centre, sphere.radius * sphere.radius);
         let [nx, ny, nz] = self.size;
         let mut beyond = 0.0;
@@ -175,7 +175,7 @@ impl Voxels {
     }
 
     /// Counts a sphere in (1) or out (-1).
-    pub fn add(&mut self, sphere: &Found, change: i8) {
+    pub fn add(&mut self, sphere: &FoundSphere, change: i8) {
         let mut covered = std::mem::take(&mut self.covered);
         self.rows(sphere, |first, count| {
             for cover in &mut covered[first..first + count] {
@@ -187,7 +187,7 @@ impl Voxels {
 
     /// What a sphere that is not counted in would bring: `newly` for each inner cube it covers first, -1 for each outer
     /// one, `-again` for each cube that is covered already, all times the cubes' weights.
-    pub fn gain(&self, sphere: &Found, newly: f64, again: f64) -> f64 {
+    pub fn gain(&self, sphere: &FoundSphere, newly: f64, again: f64) -> f64 {
         let (newly, again) = (newly as f32, again as f32);
         let mut sum = 0.0f64;
         let beyond = self.rows(sphere, |first, count| {
@@ -210,7 +210,7 @@ impl Voxels {
     }
 
     /// Cubes of the union outside the mesh, cubes of the mesh in no sphere, cubes of the mesh.
-    pub fn shares(&self, spheres: &[Found]) -> (f64, f64, f64) {
+    pub fn shares(&self, spheres: &[FoundSphere]) -> (f64, f64, f64) {
         let beyond: f64 = spheres.iter().map(|sphere| self.rows(sphere, |_, _| ())).sum();
         let mut sums = (beyond, 0.0, 0.0);
         for (&cover, &inside) in self.covered.iter().zip(&self.inside) {

@@ -58,7 +58,7 @@ pub struct PointCamera {
 /// The projection from one place, by that from the middle: `(x + corner w - aside) / (w - ahead) + start` is the column of
 /// what the middle's rows map to x and w.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct View {
+pub struct PlaceView {
     /// The place, right and up of the middle, in texels one metre before it.
     pub aside: [f32; 2],
     /// And before it, metres.
@@ -142,19 +142,8 @@ impl PointCamera {
         let tight = (across / usable).max(1e-7);
         let texel = ((tight.log2() * 8.0).ceil() / 8.0).exp2();
         let corner = from.map(|v| (v / texel).floor() - EDGE_TEXELS);
-        let row = |(axis, sign): (usize, f32)| {
-            let mut row = [0.0f64; 4];
-            row[axis] = f64::from(sign);
-            row[3] = -f64::from(sign) * f64::from(place_world[axis]);
-            row
-        };
-        let w = row(axes[2]);
-        let mapped = |k: usize| {
-            let lateral = row(axes[k]);
-            std::array::from_fn(|i| (lateral[i] / texel - corner[k] * w[i]) as f32)
-        };
         Some(Self {
-            rows: [mapped(0), mapped(1), w.map(|v| v as f32)],
+            rows: rows(axes, place_world, texel, corner),
             near_m,
             texel: texel as f32,
             texels,
@@ -181,12 +170,12 @@ impl PointCamera {
 
     /// The projection from place `k`. Each view's grid lies a share of a texel beside the others', so that they are as fine
     /// together as one map of all their texels.
-    pub fn view(&self, k: usize) -> View {
+    pub fn view(&self, k: usize) -> PlaceView {
         let [right, up, ahead] = self.place(k);
         let n = self.side as f32;
         let beside = [(k as u32 % self.side) as f32 / n, (k as u32 / self.side) as f32 / n];
         let corner = self.corner();
-        View {
+        PlaceView {
             aside: [right / self.texel, up / self.texel],
             ahead,
             start: [right * self.shift - corner[0] + beside[0], up * self.shift - corner[1] + beside[1]],
@@ -202,7 +191,7 @@ impl PointCamera {
 
     /// The same of what the rows gave.
     #[inline(always)]
-    pub(super) fn map_seen(&self, view: &View, [x, y, w]: [f32; 3]) -> Option<[f32; 3]> {
+    pub(super) fn map_seen(&self, view: &PlaceView, [x, y, w]: [f32; 3]) -> Option<[f32; 3]> {
         let corner = self.corner();
         let ahead = w - view.ahead;
         (ahead > self.near_m).then(|| {
@@ -250,6 +239,22 @@ impl PointCamera {
         let last = self.side as usize - 1;
         [0, last, last * self.side as usize, self.views() - 1]
     }
+}
+
+/// Rows of the map from world metres: column and row in texels, both times w, and w.
+fn rows(axes: [(usize, f32); 3], place_world: Vec3, texel: f64, corner: [f64; 2]) -> [[f32; 4]; 3] {
+    let row = |(axis, sign): (usize, f32)| {
+        let mut row = [0.0f64; 4];
+        row[axis] = f64::from(sign);
+        row[3] = -f64::from(sign) * f64::from(place_world[axis]);
+        row
+    };
+    let w = row(axes[2]);
+    let mapped = |k: usize| {
+        let lateral = row(axes[k]);
+        std::array::from_fn(|i| (lateral[i] / texel - corner[k] * w[i]) as f32)
+    };
+    [mapped(0), mapped(1), w.map(|v| v as f32)]
 }
 
 /// Corners of the grid of places.

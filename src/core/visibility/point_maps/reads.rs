@@ -1,6 +1,6 @@
 //! [`visibility`](super::visibility) for neighbours on a receiver side by side: the same numbers, bit for bit.
 
-use super::{FAINT, MOST_VIEWS, PointCamera, View, part::share};
+use super::{FAINT, MOST_VIEWS, PlaceView, PointCamera, part::share};
 use crate::visibility::shadow_maps::ShadowMap;
 use glam::Vec3;
 
@@ -18,7 +18,7 @@ pub struct PlaceReads {
 }
 
 /// Neighbours as a light's middle sees them: positions times distance without the map's corner, and the distance.
-struct Lanes<const N: usize> {
+struct ReadLanes<const N: usize> {
     at: [[f32; N]; 2],
     w: [f32; N],
 }
@@ -37,7 +37,7 @@ impl PlaceReads {
         let count = camera.views().min(MOST_VIEWS);
         let mut all = Self { count, ..Self::NONE };
         for k in 0..count {
-            let View { aside, ahead, start } = camera.view(k);
+            let PlaceView { aside, ahead, start } = camera.view(k);
             for axis in 0..2 {
                 (all.aside[axis][k], all.start[axis][k]) = (aside[axis], start[axis]);
             }
@@ -61,7 +61,7 @@ impl PlaceReads {
         if near == 0 {
             return None;
         }
-        let seen = Lanes::new(camera, points_world);
+        let seen = ReadLanes::new(camera, points_world);
         let side = camera.side;
         let mut hidden = [0.0f32; N];
         if self.count == 1 {
@@ -147,7 +147,7 @@ impl PlaceReads {
         k: usize,
         map: &ShadowMap,
         camera: &PointCamera,
-        seen: &Lanes<N>,
+        seen: &ReadLanes<N>,
     ) -> [bool; N] {
         let (aside, start) = ([self.aside[0][k], self.aside[1][k]], [self.start[0][k], self.start[1][k]]);
         let (ahead, near_m) = (self.ahead[k], camera.near_m);
@@ -172,7 +172,7 @@ impl PlaceReads {
     }
 }
 
-impl<const N: usize> Lanes<N> {
+impl<const N: usize> ReadLanes<N> {
     #[inline(always)]
     fn new(camera: &PointCamera, points_world: &[[f32; N]; 3]) -> Self {
         let mut lanes = Self { at: [[0.0; N]; 2], w: [0.0; N] };

@@ -2,7 +2,7 @@
 
 use super::{
     BAND_ROWS, EMPTY_DEPTH, ShadowCamera,
-    reach::{LEAST_TEXELS, Reach, SMALL_TEXELS},
+    reach::{LEAST_TEXELS, MOST_TILES, Reach, SMALL_TEXELS},
 };
 use glam::Vec3;
 use rayon::prelude::*;
@@ -103,6 +103,16 @@ impl ShadowMap {
         self.rasterise(camera.texels as usize, triangles, band_rows);
     }
 
+    /// Has room for a map of `side` texels a side and for so many vertices, so that drawing them allocates nothing.
+    pub(in crate::visibility) fn reserve(&mut self, side: usize, vertices: usize) {
+        fn provide<T>(list: &mut Vec<T>, count: usize) {
+            list.reserve_exact(count.saturating_sub(list.len()));
+        }
+        provide(&mut self.depth, side * side);
+        provide(&mut self.held, MOST_TILES);
+        provide(&mut self.vertices, vertices);
+    }
+
     /// Takes vertices that are projected already: column and row in texels, and depth.
     pub(in crate::visibility) fn set_vertices(&mut self, mapped: impl Iterator<Item = [f32; 3]>) {
         self.vertices.clear();
@@ -118,23 +128,40 @@ impl ShadowMap {
         let tile_rows = (band_rows / last.tile()).max(1);
         let bands = self.depth.par_chunks_mut((tile_rows * last.tile() * side).max(1));
         bands.zip(self.held.par_chunks_mut(tile_rows)).enumerate().for_each(|(band, (rows, held))| {
-            let first_tile = band * tile_rows;
-            for (y, row) in rows.chunks_mut(side).enumerate() {
-                row[last.held(first_tile + y / last.tile(), side)].fill(EMPTY_DEPTH);
-            }
-            held.fill(0);
-            let mut part = Part { side, first_row: first_tile * last.tile(), rows, held, reach: &last };
+            let mut rows =
+                MapRows { side, first_row: band * tile_rows * last.tile(), rows, held, reach: &last };
+            rows.clear();
             for triangle in triangles {
                 let corners = triangle.map(|i| vertices[i as usize]);
-                part.draw(&corners);
+                rows.draw(&corners);
             }
         });
+        self.reach.take(self.held.iter().copied());
+    }
+
+    /// Draws triangles whose corners are projected already (column and row in texels, and depth) into a map of `side` texels a
+    /// side: one unit of work.
+    pub(in crate::visibility) fn rasterise_mapped(
+        &mut self,
+        side: usize,
+        triangles: impl Iterator<Item = [[f32; 3]; 3]>,
+    ) {
+        if self.depth.len() != side * side {
+            self.clear(side);
+        }
+        let last = self.reach;
+        let mut rows =
+            MapRows { side, first_row: 0, rows: &mut self.depth, held: &mut self.held, reach: &last };
+        rows.clear();
+        for corners in triangles {
+            rows.draw(&corners.map(Vertex::at));
+        }
         self.reach.take(self.held.iter().copied());
     }
 }
 
 /// Some rows of a map.
-struct Part<'a> {
+struct MapRows<'a> {
     side: usize,
     first_row: usize,
     rows: &'a mut [f32],
@@ -142,7 +169,16 @@ struct Part<'a> {
     reach: &'a Reach,
 }
 
-impl Part<'_> {
+impl MapRows<'_> {
+    /// Empties what was drawn last.
+    fn clear(&mut self) {
+        let (side, tile) = (self.side, self.reach.tile());
+        for (y, row) in self.rows.chunks_mut(side.max(1)).enumerate() {
+            row[self.reach.held((self.first_row + y) / tile, side)].fill(EMPTY_DEPTH);
+        }
+        self.held.fill(0);
+    }
+
     /// Draws one triangle.
     fn draw(&mut self, v: &[Vertex; 3]) {
         let (side, first_row) = (self.side, self.first_row);

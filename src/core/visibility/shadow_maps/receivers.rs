@@ -21,7 +21,7 @@ const MOST_CORNERS: usize = 4 + SIDES + 4;
 
 /// A virtual body that shadows fall on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body {
+pub struct ShadowedBody {
     /// Low corner of a box around it, world frame, metres.
     pub low: Vec3,
     /// High corner.
@@ -39,12 +39,12 @@ pub struct Receivers {
     cone: Option<[DVec3; SIDES]>,
     is_everywhere: bool,
     corners: Vec<DVec3>,
-    pieces: Vec<Piece>,
+    pieces: Vec<ReceiverPiece>,
 }
 
 /// A flat convex piece: its corners, and on which side it is seen (`None`: a box's, which stands for all sides).
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct ReceiverPiece {
     first: usize,
     end: usize,
     seen_side: Option<DVec3>,
@@ -101,7 +101,7 @@ impl Receivers {
 
     /// Finds what a camera sees of the surfaces of [`Self::load`] and of virtual bodies: all that is in its picture, whether
     /// or not something is in front. Through a mirror, and where the picture is wider than a cone, it may see all.
-    pub fn see(&mut self, lens: &Lens, world_from_camera: &Pose, bodies: impl Iterator<Item = Body>) {
+    pub fn see(&mut self, lens: &Lens, world_from_camera: &Pose, bodies: impl Iterator<Item = ShadowedBody>) {
         if self.lens.as_ref() != Some(lens) {
             self.cone = cone(lens);
             self.lens = Some(*lens);
@@ -144,7 +144,7 @@ impl Receivers {
         if eye.cmpge(low).all() && eye.cmple(high).all() {
             let first = self.corners.len();
             self.corners.push(eye);
-            self.pieces.push(Piece { first, end: first + 1, seen_side: None });
+            self.pieces.push(ReceiverPiece { first, end: first + 1, seen_side: None });
         }
         for axis in 0..3 {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -177,7 +177,7 @@ impl Receivers {
         if seen.count > 0 {
             let first = self.corners.len();
             self.corners.extend(seen.as_slice());
-            self.pieces.push(Piece { first, end: self.corners.len(), seen_side });
+            self.pieces.push(ReceiverPiece { first, end: self.corners.len(), seen_side });
         }
     }
 

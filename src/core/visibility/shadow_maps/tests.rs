@@ -25,12 +25,7 @@ fn sphere(rows: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 fn fibonacci(n: usize) -> impl Iterator<Item = Vec3> {
-    (0..n).map(move |j| {
-        let z = 1.0 - 2.0 * (j as f32 + 0.5) / n as f32;
-        let phi = std::f32::consts::PI * (1.0 + 5.0f32.sqrt()) * (j as f32 + 0.5);
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        Vec3::new(r * phi.cos(), r * phi.sin(), z)
-    })
+    (0..n).map(move |j| crate::math::spiral::direction(j, n).as_vec3())
 }
 
 #[test]

@@ -106,7 +106,7 @@ fn sixteen_bits_of_visibility_cost_less_than_a_thousandth() {
     let positions: Vec<Vec3> = meshes.iter().flat_map(|m| m.positions_world.iter().copied()).collect();
     let bvh = Bvh::build(&positions, &[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
     let (low, high) = bvh.bounds().unwrap();
-    let even = spiral(256, |share| (share * (2.0 - share)).sqrt());
+    let even = spiral::upper(256, spiral::evenly);
     let lift = LIFT * low.distance(high);
     let baker = Baker { bvh, lift, order: 6, lambert: lambert(6), lobe: Vec::new(), even };
     let (mut worst, mut blocked) = (0.0f64, 0.0f64);
@@ -114,7 +114,7 @@ fn sixteen_bits_of_visibility_cost_less_than_a_thousandth() {
         let exact = baker.hidden(*position, Vec3::Z);
         let kept: Vec<f64> = baked[0].blocked[36 * k..36 * (k + 1)].iter().map(|b| b.to_f64()).collect();
         blocked = blocked.max(exact[0]);
-        for direction in spiral(200, |share| (share * (2.0 - share)).sqrt()) {
+        for direction in spiral::upper(200, spiral::evenly) {
             worst = worst.max((seen_along(&kept, direction) - seen_along(&exact, direction)).abs());
         }
     }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::math::pose::Pose;
 use crate::model::{image::RadianceImage, scene::Mesh};
-use crate::reference::{Environment, Sun, TraceBody, TraceSettings, TraceShape, trace};
+use crate::reference::{Environment, TraceBody, TraceSettings, TraceShape, TraceSun, trace};
 use glam::DVec3;
 
 /// A square that faces up (or down), of a half side, at a height.
@@ -39,7 +39,7 @@ fn suns_shine_through_windows_and_through_nothing_else() {
     let window = TraceBody { is_aperture: true, ..square(0.5, 1.0, false, 0.0) };
     let wall = square(3.0, 2.0, false, 0.5);
     scene.real = vec![square(5.0, 0.0, true, 0.5), window.clone(), wall.clone()];
-    scene.suns.push(Sun { to_light_world: Vec3::Z, irradiance_rgb: [2.0; 3] });
+    scene.suns.push(TraceSun { to_light_world: Vec3::Z, irradiance_rgb: [2.0; 3] });
     let lit = 1.0 / std::f64::consts::PI;
     let [with, without] = means(&scene, 0);
     assert!((with - lit).abs() < 1e-5 && (without - lit).abs() < 1e-5, "{with} {without}");

@@ -8,7 +8,7 @@ use crate::model::{
     response::Response,
 };
 use crate::plan::Pass;
-use crate::stress::{Bound, Case, Where, naive};
+use crate::stress::{CaseBound, HardCase, Where, naive};
 
 const MERGE: Where = Where::Kernel(Pass::MergeBracket);
 
@@ -33,8 +33,8 @@ fn merged(engine: &mut dyn Engine, values: &[u8], times_s: &[f64]) -> Result<f64
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "saturated in every picture",
         measures: "radiance times the shortest exposure (1 is white)",
         formula: "sum w(z) (g(z) - ln t) / sum w(z): no weight at all",
@@ -42,9 +42,9 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::merged(&[255, 255, 255], &[0.1, 0.025, 0.004]) * 0.004),
         ours: |engine| Ok(merged(engine, &[255, 255, 255], &[0.1, 0.025, 0.004])? * 0.004),
         // A lower bound: white in the shortest. The logarithm is rounded.
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "black in every picture",
         measures: "radiance times the longest exposure (1 is white)",
         formula: "sum w(z) (g(z) - ln t) / sum w(z): no weight at all",
@@ -52,27 +52,27 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::merged(&[0, 0, 0], &[0.1, 0.025, 0.004]) * 0.1),
         ours: |engine| Ok(merged(engine, &[0, 0, 0], &[0.1, 0.025, 0.004])? * 0.1),
         // An upper bound: what rounds to value 0, a quarter of a step of 1/255/12.92.
-        bound: Bound::new(0.0, 3.1e-4),
+        bound: CaseBound::new(0.0, 3.1e-4),
     },
-    Case {
+    HardCase {
         name: "black in one, saturated in the other",
         measures: "radiance, between 10 (white in 0.1 s) and 0.0076 (black in 0.01 s)",
         formula: "sum w(z) (g(z) - ln t) / sum w(z): no weight at all",
         runs: MERGE,
         textbook: || f64::from(naive::merged(&[255, 0], &[0.1, 0.01])),
         ours: |engine| merged(engine, &[255, 0], &[0.1, 0.01]),
-        bound: Bound::new(0.0075, 10.0),
+        bound: CaseBound::new(0.0075, 10.0),
     },
-    Case {
+    HardCase {
         name: "one picture, a black pixel",
         measures: "radiance times the exposure (1 is white)",
         formula: "w(z) (ln z - ln t) / w(z) = 0 (-inf) / 0",
         runs: MERGE,
         textbook: || f64::from(naive::merged(&[0], &[0.1]) * 0.1),
         ours: |engine| Ok(merged(engine, &[0], &[0.1])? * 0.1),
-        bound: Bound::new(0.0, 3.1e-4),
+        bound: CaseBound::new(0.0, 3.1e-4),
     },
-    Case {
+    HardCase {
         name: "equal exposures",
         measures: "largest departure of the response from the curve that stands in, ln units",
         formula: "slope (g(z1) - g(z2)) / (ln t1 - ln t2) = 0/0",
@@ -89,33 +89,33 @@ pub const CASES: &[Case] = &[
             let pairs = found.iter().zip(stands_in.log_exposure().as_flattened());
             Ok(pairs.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max))
         },
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "an exposure time of zero",
         measures: "radiance; 0 where the bracket is refused",
         formula: "ln t = -inf",
         runs: MERGE,
         textbook: || f64::from(naive::merged(&[100, 120], &[0.01, 0.0])),
         ours: |engine| merged(engine, &[100, 120], &[0.01, 0.0]),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "an exposure time that is not a number",
         measures: "radiance; 0 where the bracket is refused",
         formula: "ln t = NaN in every pixel",
         runs: MERGE,
         textbook: || f64::from(naive::merged(&[100, 120], &[0.01, f32::NAN])),
         ours: |engine| merged(engine, &[100, 120], &[0.01, f64::NAN]),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "an exposure of 1e-40 s",
         measures: "radiance; beyond what f32 holds it stops at e^88",
         formula: "exp(g - ln t) = exp(92)",
         runs: MERGE,
         textbook: || f64::from(naive::merged(&[128, 128], &[1e-40, 1e-40])),
         ours: |engine| merged(engine, &[128, 128], &[1e-40, 1e-40]),
-        bound: Bound::new(1e38, f32::MAX as f64),
+        bound: CaseBound::new(1e38, f32::MAX as f64),
     },
 ];

@@ -21,7 +21,7 @@ use crate::model::{
 };
 use crate::plan::Pass;
 use crate::stress::{
-    Bound, Case, Where, naive,
+    CaseBound, HardCase, Where, naive,
     stage::{ORDER, even_map, mean_radiance, measure},
 };
 use glam::DVec3;
@@ -181,8 +181,8 @@ fn half_way_deg(engine: &mut dyn Engine) -> Result<f64, EngineError> {
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "no light at all",
         measures: "irradiance of the hard light",
         formula: "w = d / |d| = 0/0",
@@ -192,18 +192,18 @@ pub const CASES: &[Case] = &[
             f64::from(naive::irradiance(d, naive::direction(d)))
         },
         ours: |engine| Ok(irradiance(&measure(engine, &even_map(WIDTH, HEIGHT, 0.0))?.total, 1)),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "the same light from everywhere",
         measures: "irradiance of the hard light, radiance 1",
         formula: "E = 4 pi L(w) / n^2: a sun that is not there",
         runs: PROJECT,
         textbook: || f64::from(4.0 * PI * 1.0 / (ORDER * ORDER) as f32),
         ours: |engine| Ok(irradiance(&measure(engine, &even_map(WIDTH, HEIGHT, 1.0))?.total, 1)),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "two opposite suns, one fades by a millionth",
         measures: "step of E_d w_d over all light",
         formula: "w = d / |d|, E from all bands: the light changes sides",
@@ -220,9 +220,9 @@ pub const CASES: &[Case] = &[
             square.sqrt() / all
         },
         ours: moved,
-        bound: Bound::new(0.0, 1e-5),
+        bound: CaseBound::new(0.0, 1e-5),
     },
-    Case {
+    HardCase {
         name: "one texel of 1e6 among half a million",
         measures: "relative error of the mean radiance",
         formula: "one running sum in f32",
@@ -237,9 +237,9 @@ pub const CASES: &[Case] = &[
         },
         ours: |engine| Ok((mean_radiance(&measure(engine, &long_map())?.total) / long_truth() - 1.0).abs()),
         // Sums of 16 or 64 in a row, then a tree.
-        bound: Bound::new(0.0, 1e-6),
+        bound: CaseBound::new(0.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "a texel that is not a number",
         measures: "mean radiance (1 without it)",
         formula: "sum L y: NaN in every coefficient",
@@ -251,9 +251,9 @@ pub const CASES: &[Case] = &[
         },
         ours: |engine| Ok(mean_radiance(&measure(engine, &damaged([f32::NAN; 3]))?.total)),
         // One of 2048, at most pi / 2 times as large as the mean.
-        bound: Bound::new(0.999, 1.0),
+        bound: CaseBound::new(0.999, 1.0),
     },
-    Case {
+    HardCase {
         name: "a texel of infinity",
         measures: "first moment along x",
         formula: "sum L y: inf - inf and inf * 0",
@@ -264,9 +264,9 @@ pub const CASES: &[Case] = &[
         },
         ours: |engine| Ok(f64::from(measure(engine, &damaged([f32::INFINITY; 3]))?.total.rgb[3][1])),
         // 64000 in its place, in one texel of 0.0095 sr.
-        bound: Bound::new(-700.0, 700.0),
+        bound: CaseBound::new(-700.0, 700.0),
     },
-    Case {
+    HardCase {
         name: "a channel that is black",
         measures: "irradiance of the hard light in blue",
         formula: "a direction for each channel, d / |d| = 0/0",
@@ -279,9 +279,9 @@ pub const CASES: &[Case] = &[
             let map = texels(&[(10, 8, [300.0, 200.0, 0.0])]);
             Ok(irradiance(&measure(engine, &map)?.total, 2))
         },
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "blue light from the other side",
         measures: "irradiance of the hard light in blue",
         formula: "E = d . w in each channel, w from gray: below zero",
@@ -294,9 +294,9 @@ pub const CASES: &[Case] = &[
             f64::from(naive::irradiance(moment(&light, 2), naive::direction(gray)))
         },
         ours: |engine| Ok(irradiance(&measure(engine, &opposed())?.total, 2)),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "a sun 1e-4 from the zenith",
         measures: "angle to the zenith over its true size",
         formula: "theta = acos(z), z = 1 in f32",
@@ -313,9 +313,9 @@ pub const CASES: &[Case] = &[
             let truth = 0.5 * std::f64::consts::PI / FINE as f64;
             Ok(d[0].hypot(d[1]) / d[2] / truth)
         },
-        bound: Bound::about(1.0, 1e-5),
+        bound: CaseBound::about(1.0, 1e-5),
     },
-    Case {
+    HardCase {
         name: "the zenith itself",
         measures: "y_1 towards +z, largest error of the three",
         formula: "phi = atan2(y, x), d theta = cross(z, w) / |cross(z, w)| = 0/0",
@@ -327,9 +327,9 @@ pub const CASES: &[Case] = &[
             let truth = [0.0, (0.75 / std::f64::consts::PI).sqrt(), 0.0];
             Ok(y[1..4].iter().zip(truth).map(|(y, t)| (f64::from(*y) - t).abs()).fold(0.0, f64::max))
         },
-        bound: Bound::new(0.0, 1e-7),
+        bound: CaseBound::new(0.0, 1e-7),
     },
-    Case {
+    HardCase {
         name: "light of a millionth",
         measures: "E_d times 1e6, over E_d of the same light times 1",
         formula: "w = d / (|d| + 1e-4): the usual epsilon",
@@ -341,36 +341,36 @@ pub const CASES: &[Case] = &[
             f64::from(e(1e-6) / e(1.0))
         },
         ours: |engine| Ok(scaled(engine, 1e-6)? / scaled(engine, 1.0)?),
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "light times a million",
         measures: "E_d over 1e6, over E_d of the same light times 1",
         formula: "in half floats: infinity",
         runs: PROJECT,
         textbook: || f64::from(naive::half(500.0 * 1e6) / naive::half(500.0) / 1e6),
         ours: |engine| Ok(scaled(engine, 1e6)? / scaled(engine, 1.0)?),
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "the outline of the mirror ball",
         measures: "mean radiance of a ball that is 1 all over",
         formula: "solid angles by the place: (1 - r)^(-1/2) at the outline",
         runs: UNWRAP,
         textbook: || f64::from(naive::ball_jacobian(0.1, 1.0)),
         ours: |engine| Ok(mean_radiance(&ball(engine, |_, _| 1.0)?)),
-        bound: Bound::about(1.0, 1e-5),
+        bound: CaseBound::about(1.0, 1e-5),
     },
-    Case {
+    HardCase {
         name: "a picture of a mirror ball, half way out",
         measures: "angle to the camera's axis, degrees (57.4 by reflection)",
         formula: "theta = pi r, as of an angular map",
         runs: UNWRAP,
         textbook: || f64::from(naive::angular_map_angle(0.5).to_degrees()),
         ours: half_way_deg,
-        bound: Bound::about(HALF_WAY_DEG, 0.3),
+        bound: CaseBound::about(HALF_WAY_DEG, 0.3),
     },
-    Case {
+    HardCase {
         name: "a mirror ball with pixels that are no numbers",
         measures: "mean radiance of a ball that is 1 elsewhere",
         formula: "sum L y: NaN in every coefficient",
@@ -382,9 +382,9 @@ pub const CASES: &[Case] = &[
             };
             Ok(mean_radiance(&ball(engine, odd)?))
         },
-        bound: Bound::about(1.0, 1e-3),
+        bound: CaseBound::about(1.0, 1e-3),
     },
-    Case {
+    HardCase {
         name: "a white sky over a black floor",
         measures: "share of the sky that is called a sun",
         formula: "E = |d|, the net flux: all of it",
@@ -408,6 +408,6 @@ pub const CASES: &[Case] = &[
             let hard: f64 = lights.hard.as_slice().iter().map(|h| f64::from(h.irradiance_rgb[1])).sum();
             Ok(hard / std::f64::consts::PI)
         },
-        bound: Bound::new(0.0, 0.05),
+        bound: CaseBound::new(0.0, 0.05),
     },
 ];

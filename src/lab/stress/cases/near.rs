@@ -5,7 +5,7 @@ use crate::nearfield::{
     sets::budget_threshold,
     shaft::{Aabb, shaft_interval},
 };
-use crate::stress::{Bound, Case, Where, naive};
+use crate::stress::{CaseBound, HardCase, Where, naive};
 use crate::visibility::point_maps::PointCamera;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -40,26 +40,26 @@ fn around() -> Vec<Vec3> {
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "a source in the receiver's plane",
         measures: "form factor",
         formula: "A cos cos / (pi r^2), r = 0",
         runs: Where::Processor,
         textbook: || f64::from(naive::form_factor_of_middles(1.0, [0.0, 0.0], 0.0)),
         ours: |_| Ok(form_factor(DVec3::ZERO, DVec3::Z, &lid(0.0))),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "a patch 1 cm above",
         measures: "form factor",
         formula: "A cos cos / (pi r^2) = 3183",
         runs: Where::Processor,
         textbook: || f64::from(naive::form_factor_of_middles(1.0, [1.0, 1.0], 0.01)),
         ours: |_| Ok(form_factor(DVec3::ZERO, DVec3::Z, &lid(0.01))),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "a wall that touches, 1 mm away",
         measures: "form factor over its closed form",
         formula: "A cos cos / (pi r^2) to the wall's middle",
@@ -70,9 +70,9 @@ pub const CASES: &[Case] = &[
                 / wall_in_closed_form(0.001)
         },
         ours: |_| Ok(wall(0.001, 0.0) / wall_in_closed_form(0.001)),
-        bound: Bound::about(1.0, 1e-9),
+        bound: CaseBound::about(1.0, 1e-9),
     },
-    Case {
+    HardCase {
         name: "a patch a thousand sides away",
         measures: "form factor over A / (pi r^2)",
         formula: "contour with acos: acos(1) = 0 in f32",
@@ -82,9 +82,9 @@ pub const CASES: &[Case] = &[
             f64::from(naive::form_factor_by_contour([0.0, 0.0, 1.0], &corners)) * PI * 1e6
         },
         ours: |_| Ok(form_factor(DVec3::ZERO, DVec3::Z, &lid(1000.0)) * PI * 1e6),
-        bound: Bound::about(1.0, 1e-5),
+        bound: CaseBound::about(1.0, 1e-5),
     },
-    Case {
+    HardCase {
         name: "a sliver",
         measures: "form factor",
         formula: "n.(a x b) / |a x b|, a = b: 0/0",
@@ -98,9 +98,9 @@ pub const CASES: &[Case] = &[
             let needle = [corner(0.0, 0.0), corner(0.0, 1e-13), corner(0.3, 0.0)];
             Ok(form_factor(DVec3::ZERO, DVec3::Z, &needle))
         },
-        bound: Bound::new(0.0, 1e-7),
+        bound: CaseBound::new(0.0, 1e-7),
     },
-    Case {
+    HardCase {
         name: "corners that are not a number",
         measures: "form factor",
         formula: "NaN in the sum",
@@ -113,9 +113,9 @@ pub const CASES: &[Case] = &[
             let corners = [DVec3::NAN, DVec3::new(0.5, 0.0, 1.0), DVec3::new(0.5, 0.3, 1.0)];
             Ok(form_factor(DVec3::ZERO, DVec3::Z, &corners))
         },
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "51 equal sources under the rule of 2 %",
         measures: "share of the light that is kept",
         formula: "sources below 2 % of all are left out: all of them",
@@ -127,9 +127,9 @@ pub const CASES: &[Case] = &[
             let kept: f32 = EQUAL.iter().filter(|c| **c >= threshold).sum();
             Ok(f64::from(kept) / EQUAL.len() as f64)
         },
-        bound: Bound::new(0.98, 1.0),
+        bound: CaseBound::new(0.98, 1.0),
     },
-    Case {
+    HardCase {
         name: "an object around its lamp",
         measures: "near plane of the lamp's map, metres",
         formula: "near = distance to the middle - radius",
@@ -139,9 +139,9 @@ pub const CASES: &[Case] = &[
             let camera = PointCamera::fit(Vec3::ZERO, Vec3::NEG_Z, &around(), 256);
             Ok(camera.map_or(f64::NAN, |camera| f64::from(camera.near_m)))
         },
-        bound: Bound::new(1e-3, 0.5),
+        bound: CaseBound::new(1e-3, 0.5),
     },
-    Case {
+    HardCase {
         name: "a shaft between two touching walls",
         measures: "length of the shaft's part that an object at the corner may meet",
         formula: "by the line of the two middles: it passes the object by",
@@ -160,6 +160,6 @@ pub const CASES: &[Case] = &[
             let met = shaft_interval(&wall, &floor, &object);
             Ok(met.map_or(0.0, |[first, last]| f64::from(last - first)))
         },
-        bound: Bound::exactly(1.0),
+        bound: CaseBound::exactly(1.0),
     },
 ];

@@ -10,18 +10,24 @@ use crate::model::{
 use crate::nearfield::packed::{pack, unpack};
 use crate::plan::Pass;
 use crate::stress::{
-    Bound, Case, Where, naive,
-    stage::{Stage, spheres, uniform},
+    CaseBound, HardCase, Where, naive,
+    stage::{StressStage, spheres, uniform},
 };
 use glam::Vec3;
 
 /// The camera's picture alone, shown.
-fn shown(background: f32, exposure_s: f64, size_px: [u32; 2]) -> Stage {
-    Stage { background, exposure_s, size_px, display: true, ..Stage::new(Scene::default(), uniform(0.0)) }
+fn shown(background: f32, exposure_s: f64, size_px: [u32; 2]) -> StressStage {
+    StressStage {
+        background,
+        exposure_s,
+        size_px,
+        display: true,
+        ..StressStage::new(Scene::default(), uniform(0.0))
+    }
 }
 
 /// The first 8-bit value of what is shown.
-fn value(engine: &mut dyn Engine, stage: &Stage) -> Result<f64, EngineError> {
+fn value(engine: &mut dyn Engine, stage: &StressStage) -> Result<f64, EngineError> {
     Ok(stage.draw(engine)?.display.pixels().first().map_or(f64::NAN, |p| f64::from(p[1])))
 }
 
@@ -38,8 +44,8 @@ fn exchanged(engine: &mut dyn Engine, width: usize, height: usize) -> Result<f64
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "a picture of one pixel",
         measures: "light that is left in it",
         formula: "u = x / (width - 1) = 0/0",
@@ -47,11 +53,11 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::column_share(0, 1)),
         ours: |engine| {
             let scene = spheres([(Vec3::new(0.0, 0.0, 0.1), 0.1)]);
-            Stage { size_px: [1, 1], ..Stage::new(scene, uniform(1.0)) }.least_share(engine)
+            StressStage { size_px: [1, 1], ..StressStage::new(scene, uniform(1.0)) }.least_share(engine)
         },
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "a picture of 8192 x 4096",
         measures: "pixels that are another's after the merge",
         formula: "pixel number y width + x in f32: above 2^24 only even ones",
@@ -64,9 +70,9 @@ pub const CASES: &[Case] = &[
             (0..height).map(row).sum::<usize>() as f64
         },
         ours: |engine| exchanged(engine, 8192, 4096),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "sixteen texels of 5000",
         measures: "their mean",
         formula: "sum, then divide, in half floats: infinity",
@@ -76,9 +82,9 @@ pub const CASES: &[Case] = &[
             use crate::stress::stage::{even_map, mean_radiance, measure};
             Ok(mean_radiance(&measure(engine, &even_map(4, 4, 5000.0))?.total))
         },
-        bound: Bound::about(5000.0, 0.01),
+        bound: CaseBound::about(5000.0, 0.01),
     },
-    Case {
+    HardCase {
         name: "a transfer of 1e-8",
         measures: "as it was packed into 16 bits, over itself",
         formula: "a half float of it: 0",
@@ -86,9 +92,9 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::half(1e-8) / 1e-8),
         ours: |_| Ok(f64::from(unpack(pack(1e-8)) / 1e-8)),
         // 12 bits.
-        bound: Bound::about(1.0, 2.5e-4),
+        bound: CaseBound::about(1.0, 2.5e-4),
     },
-    Case {
+    HardCase {
         name: "a shadow on a pixel twice as bright as white",
         measures: "8-bit value where a sphere takes nine tenths",
         formula: "T(X) - T(X (1 - share)) light by light: 0 of a saturated value",
@@ -97,41 +103,42 @@ pub const CASES: &[Case] = &[
         textbook: || f64::from(naive::left_of_display(2.0, 0.02, 45)),
         ours: |engine| {
             let scene = spheres([(Vec3::new(0.0, 0.0, 0.1), 0.1)]);
-            let stage = Stage { background: 2.0, display: true, ..Stage::new(scene, uniform(1.0)) };
+            let stage =
+                StressStage { background: 2.0, display: true, ..StressStage::new(scene, uniform(1.0)) };
             let picture = stage.draw(engine)?;
             Ok(picture.display.pixels().iter().map(|p| f64::from(p[1])).fold(255.0, f64::min))
         },
         // 2 x 0.03 to 2 x 0.15 of white through sRGB.
-        bound: Bound::new(60.0, 160.0),
+        bound: CaseBound::new(60.0, 160.0),
     },
-    Case {
+    HardCase {
         name: "fifty lights that carry a tenth, taken from white",
         measures: "8-bit values that are taken (12 by sRGB)",
         formula: "S = T(X) - T(X (1 - 1/500)) of each, rounded: below a half",
         runs: Where::Kernel(Pass::Tonemap),
         textbook: || f64::from(naive::displayed(1.0) - naive::left_of_display(1.0, 0.002, 50)),
         ours: |engine| Ok(255.0 - value(engine, &shown(0.9, 1.0, [4, 4]))?),
-        bound: Bound::about(12.0, 1.0),
+        bound: CaseBound::about(12.0, 1.0),
     },
-    Case {
+    HardCase {
         name: "what rounding left of no light, shown",
         measures: "8-bit value",
         formula: "255 (6e-8)^(1/2.2), a third of a step after two such",
         runs: Where::Kernel(Pass::Tonemap),
         textbook: || f64::from(255.0 * (3.0f32 * 6e-8).powf(1.0 / 2.2)),
         ours: |engine| value(engine, &shown(6e-8, 1.0, [4, 4])),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "light a million times too bright, shown",
         measures: "8-bit value",
         formula: "255 L^(1/2.2), then cut to 8 bits",
         runs: Where::Kernel(Pass::Tonemap),
         textbook: || f64::from((255.0 * 1e6f32.powf(1.0 / 2.2)) as u32 % 256),
         ours: |engine| value(engine, &shown(1e6, 1.0, [4, 4])),
-        bound: Bound::exactly(255.0),
+        bound: CaseBound::exactly(255.0),
     },
-    Case {
+    HardCase {
         name: "light times exposure beyond f32, shown",
         measures: "8-bit value",
         formula: "L t = infinity, infinity / (1 + infinity)",
@@ -141,6 +148,6 @@ pub const CASES: &[Case] = &[
             f64::from(x / (1.0 + x))
         },
         ours: |engine| value(engine, &shown(1e30, 1e20, [4, 4])),
-        bound: Bound::exactly(255.0),
+        bound: CaseBound::exactly(255.0),
     },
 ];

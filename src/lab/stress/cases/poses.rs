@@ -9,9 +9,9 @@ use crate::model::{
     rig::{Rig, TagPlacement},
     time::Timestamp,
 };
-use crate::stress::{Bound, Case, Where, naive};
+use crate::stress::{CaseBound, HardCase, Where, naive};
 use crate::track::{
-    align::{View, place},
+    align::{MapView, place},
     state::{FollowOptions, TrackState},
     tag::TagDetection,
     tag_pose::{corners_of_tag_m, solve},
@@ -99,13 +99,13 @@ const EDGE_ON: [DVec2; 4] =
     [DVec2::new(300.0, 240.0), DVec2::new(340.0, 240.0), DVec2::new(336.0, 240.0), DVec2::new(304.0, 240.0)];
 
 /// Two views whose lines of sight are parallel; the map is twice as large.
-fn parallel() -> [View<f32>; 2] {
-    let view = |x: f32| View { known_m: Vector([x, 0.0, 0.0]), map: Vector([1.0 + 2.0 * x, 2.0, 3.0]) };
+fn parallel() -> [MapView<f32>; 2] {
+    let view = |x: f32| MapView { known_m: Vector([x, 0.0, 0.0]), map: Vector([1.0 + 2.0 * x, 2.0, 3.0]) };
     [view(0.2), view(0.4)]
 }
 
 /// Scale by the crossing of two lines in x and y: cross(a, q_1 - q_2) / cross(a, b).
-fn scale_by_crossing([first, second]: &[View<f32>; 2]) -> f32 {
+fn scale_by_crossing([first, second]: &[MapView<f32>; 2]) -> f32 {
     let flat = |v: Vector<f32, 3>| [-v.0[0], -v.0[1]];
     let cross = |a: [f32; 2], b: [f32; 2]| a[0] * b[1] - a[1] * b[0];
     let (a, b) = (flat(first.known_m), flat(second.known_m));
@@ -113,17 +113,17 @@ fn scale_by_crossing([first, second]: &[View<f32>; 2]) -> f32 {
 }
 
 /// Two views of a map at scale 2, a degree or so apart, their places off by a hundredth: the error of the scale.
-fn noisy() -> [View<f32>; 2] {
+fn noisy() -> [MapView<f32>; 2] {
     let view = |p: [f32; 3], off: f32| {
         let map = p.map(|c| 2.0 * c);
-        View { known_m: Vector(p), map: Vector([map[0] + off, map[1] - off, map[2]]) }
+        MapView { known_m: Vector(p), map: Vector([map[0] + off, map[1] - off, map[2]]) }
     };
     [view([0.5, 0.02, 0.2], 0.01), view([0.5, 0.03, 0.5], -0.01)]
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "a quaternion after a million turns",
         measures: "its length",
         formula: "q <- q dq, as it comes",
@@ -138,9 +138,9 @@ pub const CASES: &[Case] = &[
                 .fold(Quaternion::identity(), |q: Quaternion<f32>, _| q.times(turn).renormalised());
             Ok(q.0.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>().sqrt())
         },
-        bound: Bound::about(1.0, 2e-7),
+        bound: CaseBound::about(1.0, 2e-7),
     },
-    Case {
+    HardCase {
         name: "half way between two equal turns",
         measures: "length of the quaternion",
         formula: "sin((1 - t) a) / sin(a), a = 0",
@@ -153,9 +153,9 @@ pub const CASES: &[Case] = &[
             let q = Quaternion::<f32>::identity();
             Ok(f64::from(q.slerp(q, 0.5).dot(q)))
         },
-        bound: Bound::about(1.0, 2e-7),
+        bound: CaseBound::about(1.0, 2e-7),
     },
-    Case {
+    HardCase {
         name: "half way from q to -q, the same turn",
         measures: "length of the quaternion along q",
         formula: "sin((1 - t) a) / sin(a), a = pi",
@@ -169,63 +169,63 @@ pub const CASES: &[Case] = &[
             let q = Quaternion([0.6f32, 0.0, 0.0, 0.8]);
             Ok(f64::from(q.slerp(Quaternion(q.0.map(|c| -c)), 0.5).dot(q).abs()))
         },
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "time that runs backwards",
         measures: "light of 1, then 3 a tenth of a second earlier",
         formula: "old + (1 - exp(-dt/tau)) (new - old), dt < 0",
         runs: Where::Processor,
         textbook: || f64::from(naive::filtered(1.0, 3.0, -0.1, 0.05)),
         ours: |_| Ok(followed(-0.1)),
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "two pictures of one time",
         measures: "camera's error 0.1 s ahead, metres",
         formula: "speed (b - a) / dt, dt = 0",
         runs: Where::Processor,
         textbook: || f64::from(naive::speed(0.0, 1e-4, 0.0) * 0.1),
         ours: |_| Ok(predicted_off_m(0.0, 0.1)),
-        bound: Bound::new(0.0, 0.002),
+        bound: CaseBound::new(0.0, 0.002),
     },
-    Case {
+    HardCase {
         name: "two pictures a microsecond apart",
         measures: "camera's error 0.1 s ahead, metres",
         formula: "speed (b - a) / dt from 0.1 mm of noise",
         runs: Where::Processor,
         textbook: || f64::from(naive::speed(0.0, 1e-4, 1e-6) * 0.1),
         ours: |_| Ok(predicted_off_m(1e-6, 0.1)),
-        bound: Bound::new(0.0, 0.002),
+        bound: CaseBound::new(0.0, 0.002),
     },
-    Case {
+    HardCase {
         name: "no picture for ten seconds",
         measures: "camera's error then, metres",
         formula: "a + speed dt, from 0.1 mm in 2 ms",
         runs: Where::Processor,
         textbook: || f64::from(naive::speed(0.0, 1e-4, 0.002) * 10.0),
         ours: |_| Ok(predicted_off_m(0.002, 10.0)),
-        bound: Bound::new(0.0, 0.02),
+        bound: CaseBound::new(0.0, 0.02),
     },
-    Case {
+    HardCase {
         name: "a tag seen along its plane",
         measures: "its distance, metres; 0 where refused",
         formula: "f side / sqrt(area), area = 0",
         runs: Where::Processor,
         textbook: || f64::from(naive::distance_by_area(800.0, 0.1, &narrow(&EDGE_ON))),
         ours: |_| Ok(distance_m(&EDGE_ON)),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "a tag of one point",
         measures: "its distance, metres; 0 where refused",
         formula: "f side / sqrt(area), area = 0",
         runs: Where::Processor,
         textbook: || f64::from(naive::distance_by_area(800.0, 0.1, &[[320.0, 240.0]; 4])),
         ours: |_| Ok(distance_m(&[DVec2::new(320.0, 240.0); 4])),
-        bound: Bound::exactly(0.0),
+        bound: CaseBound::exactly(0.0),
     },
-    Case {
+    HardCase {
         name: "a tag of eight pixels",
         measures: "1 where both of its poses are kept",
         formula: "one pose, the first that was found",
@@ -237,24 +237,24 @@ pub const CASES: &[Case] = &[
             let found = solve(&corners(&rig, &pose), SIDE_M, &LENS);
             Ok(found.map_or(f64::NAN, |poses| f64::from(u8::from(poses.is_ambiguous(0.2)))))
         },
-        bound: Bound::exactly(1.0),
+        bound: CaseBound::exactly(1.0),
     },
-    Case {
+    HardCase {
         name: "parallel lines of sight",
         measures: "scale of the map (2)",
         formula: "crossing of two lines: 0/0",
         runs: Where::Processor,
         textbook: || f64::from(scale_by_crossing(&parallel())),
         ours: |_| Ok(place(Quaternion::identity(), &parallel()).map_or(f64::NAN, |p| f64::from(p.scale))),
-        bound: Bound::about(2.0, 1e-5),
+        bound: CaseBound::about(2.0, 1e-5),
     },
-    Case {
+    HardCase {
         name: "lines of sight that differ in z only, with noise",
         measures: "scale of the map (2)",
         formula: "crossing of two lines in x and y",
         runs: Where::Processor,
         textbook: || f64::from(scale_by_crossing(&noisy())),
         ours: |_| Ok(place(Quaternion::identity(), &noisy()).map_or(f64::NAN, |p| f64::from(p.scale))),
-        bound: Bound::about(2.0, 0.1),
+        bound: CaseBound::about(2.0, 0.1),
     },
 ];

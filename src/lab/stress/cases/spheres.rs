@@ -4,17 +4,17 @@ use crate::math::sh::{cap, log_exp, zonal};
 use crate::model::{blocker::Rung, quality::Quality};
 use crate::plan::Pass;
 use crate::stress::{
-    Bound, Case, Where, naive,
-    stage::{ORDER, Stage, spheres, uniform},
+    CaseBound, HardCase, Where, naive,
+    stage::{ORDER, StressStage, spheres, uniform},
 };
 use glam::Vec3;
 
 const SOFT: Where = Where::Kernel(Pass::SoftShadow);
 
 /// Spheres under the same light from everywhere.
-fn stage(list: impl IntoIterator<Item = (Vec3, f32)>, rung: Rung) -> Stage {
-    let stage = Stage::new(spheres(list), uniform(1.0));
-    Stage { quality: Quality { rung, ..stage.quality }, ..stage }
+fn stage(list: impl IntoIterator<Item = (Vec3, f32)>, rung: Rung) -> StressStage {
+    let stage = StressStage::new(spheres(list), uniform(1.0));
+    StressStage { quality: Quality { rung, ..stage.quality }, ..stage }
 }
 
 /// V of one cap about the zenith, order 4, with r/d = sin of its half angle.
@@ -32,35 +32,35 @@ fn crowd() -> Vec<(Vec3, f32)> {
 }
 
 /// In order.
-pub const CASES: &[Case] = &[
-    Case {
+pub const CASES: &[HardCase] = &[
+    HardCase {
         name: "a sphere that touches the ground",
         measures: "least of the light that is left",
         formula: "c = sqrt(1 - (r/d)^2), r/d = 1 + 1e-7",
         runs: SOFT,
         textbook: || f64::from(naive::mean_visibility(1.000_000_1, 1.0)),
         ours: |engine| stage([(Vec3::new(0.0, 0.0, 0.1), 0.1)], Rung::Chain).least_share(engine),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "the ground within a sphere",
         measures: "least of the light that is left",
         formula: "c = sqrt(1 - (r/d)^2), r > d",
         runs: SOFT,
         textbook: || f64::from(naive::mean_visibility(0.1, 0.06)),
         ours: |engine| stage([(Vec3::new(0.0, 0.0, 0.02), 0.15)], Rung::Chain).least_share(engine),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "200 spheres at one place, multiplied",
         measures: "least of the light that is left",
         formula: "V <- V V_1, 200 times: each product overshoots",
         runs: SOFT,
         textbook: || f64::from(naive::chain(ORDER, &cap_about_z(20f32.to_radians().sin()), 200)),
         ours: |engine| stage(crowd(), Rung::Chain).least_share(engine),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "200 spheres at one place, by logarithms",
         measures: "least of the light that is left",
         formula: "exp(g_0) a(|g|) of the sum of 200 logarithms",
@@ -74,9 +74,9 @@ pub const CASES: &[Case] = &[
             f64::from(naive::exponential(g[0] / (4.0 * std::f32::consts::PI).sqrt(), a.ln() as f32))
         },
         ours: |engine| stage(crowd(), Rung::Linear).least_share(engine),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "200 wide spheres at one place, by logarithms",
         measures: "least of the light that is left",
         formula: "exp(g_0) a(|g|) = 0 times infinity",
@@ -94,9 +94,9 @@ pub const CASES: &[Case] = &[
             let wide = vec![(Vec3::new(0.0, 0.0, 0.12), 0.11); 200];
             stage(wide, Rung::Linear).least_share(engine)
         },
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "a sphere under the ground",
         measures: "least of the light that is left",
         formula: "sum V f+ to order 4: the lobe's lower half leaks",
@@ -110,18 +110,18 @@ pub const CASES: &[Case] = &[
             f64::from(1.0 - taken / (lambert[0] * (4.0 * std::f32::consts::PI).sqrt()))
         },
         ours: |engine| stage([(Vec3::new(0.0, 0.0, -0.4), 0.2)], Rung::Chain).least_share(engine),
-        bound: Bound::exactly(1.0),
+        bound: CaseBound::exactly(1.0),
     },
-    Case {
+    HardCase {
         name: "a sphere without a radius, where the receiver is",
         measures: "least of the light that is left",
         formula: "r/d = 0/0",
         runs: SOFT,
         textbook: || f64::from(naive::mean_visibility(0.0, 0.0)),
         ours: |engine| stage([(Vec3::ZERO, 0.0)], Rung::Chain).least_share(engine),
-        bound: Bound::exactly(1.0),
+        bound: CaseBound::exactly(1.0),
     },
-    Case {
+    HardCase {
         name: "spheres that are not a number",
         measures: "least of the light that is left",
         formula: "r/d = NaN in every sum after it",
@@ -131,9 +131,9 @@ pub const CASES: &[Case] = &[
             let list = [(Vec3::NAN, 0.1), (Vec3::new(0.0, 0.0, 0.1), f32::NAN), (Vec3::INFINITY, 0.1)];
             stage(list, Rung::Directions).least_share(engine)
         },
-        bound: Bound::exactly(1.0),
+        bound: CaseBound::exactly(1.0),
     },
-    Case {
+    HardCase {
         name: "a sphere ten thousand radii away",
         measures: "what it hides over its true share",
         formula: "1 - sqrt(1 - (r/d)^2) = 1 - 1 in f32",
@@ -144,9 +144,9 @@ pub const CASES: &[Case] = &[
             zonal::cap(1, 1e-8, &mut hidden);
             Ok(f64::from(hidden[0]) / (4.0 * std::f64::consts::PI).sqrt() / 2.5e-9)
         },
-        bound: Bound::about(1.0, 1e-6),
+        bound: CaseBound::about(1.0, 1e-6),
     },
-    Case {
+    HardCase {
         name: "200 spheres at one place, by the exact exponential",
         measures: "least of the light that is left",
         formula: "exp of the product matrix of 200 logarithms",
@@ -161,15 +161,15 @@ pub const CASES: &[Case] = &[
             f64::from(v[0] / (4.0 * std::f32::consts::PI).sqrt())
         },
         ours: |engine| stage(crowd(), Rung::Squared).least_share(engine),
-        bound: Bound::SHARE,
+        bound: CaseBound::SHARE,
     },
-    Case {
+    HardCase {
         name: "200 spheres at one place, by fixed directions",
         measures: "least of the light that is left (one sphere leaves 0.65)",
         formula: "V <- V V_1, 200 times: each product overshoots",
         runs: SOFT,
         textbook: || f64::from(naive::chain(ORDER, &cap_about_z(20f32.to_radians().sin()), 200)),
         ours: |engine| stage(crowd(), Rung::Directions).least_share(engine),
-        bound: Bound::new(0.5, 0.8),
+        bound: CaseBound::new(0.5, 0.8),
     },
 ];

@@ -1,19 +1,18 @@
 //! Maps hold every shadow that is seen, and no more than they must.
 use super::*;
-use crate::math::lens::Distortion;
+use crate::math::{dice::Dice, lens::Distortion};
 use crate::model::light::HardLight;
 use crate::visibility::shadow_maps::{EDGE_TEXELS, ShadowCamera, ShadowMaps, axes};
 
 const TEXELS: u32 = 512;
 const BENT: Distortion = Distortion::RadialTangential([-0.28, 0.07, 0.001, -0.0005, 0.0, 0.0, 0.0, 0.0]);
 
-/// Numbers from 0 to 1, the same in every run.
-struct Draws(u64);
+/// Numbers and directions by chance.
+struct Draws(Dice);
 
 impl Draws {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as f64 / f64::from(1u32 << 31)
+        self.0.unit()
     }
 
     fn between(&mut self, low: f64, high: f64) -> f64 {
@@ -81,7 +80,7 @@ fn is_among(light: DVec3, casters: &[Vec3], p: DVec3, beside: f32) -> bool {
 
 #[test]
 fn every_shadow_that_is_seen_lies_inside_of_the_map() {
-    let mut draws = Draws(7);
+    let mut draws = Draws(Dice::new(7));
     let (mut checked, mut finer, mut none) = (0, 0, 0);
     for round in 0..600 {
         let mut receivers = on_ground(20.0, if round % 3 == 0 { 16 } else { 1 });
@@ -91,7 +90,7 @@ fn every_shadow_that_is_seen_lies_inside_of_the_map() {
         let pose = Pose::look_at(eye, target, DVec3::new(0.1, 0.2, 0.97));
         let lens = lens(if round % 2 == 0 { BENT } else { Distortion::None });
         let (low, high) = (Vec3::new(0.2, -0.1, 0.05), Vec3::new(0.5, 0.3, 0.8));
-        let body = Body { low, high, is_mirror: false };
+        let body = ShadowedBody { low, high, is_mirror: false };
         receivers.see(&lens, &pose, [body].into_iter());
         let casters = corners(low, high);
         let light = draws.direction();
@@ -142,8 +141,8 @@ fn where_all_shadows_are_seen_the_map_is_as_it_is_without_a_camera() {
     let pose = Pose::look_at(DVec3::new(0.6, -2.5, 3.0), DVec3::new(0.0, 0.0, 0.1), DVec3::Z);
     let (low, high) = (Vec3::new(-0.1, -0.1, 0.0), Vec3::new(0.1, 0.1, 0.3));
     let casters = corners(low, high);
-    let mut draws = Draws(1);
-    for bodies in [&[Body { low, high, is_mirror: false }][..], &[]] {
+    let mut draws = Draws(Dice::new(1));
+    for bodies in [&[ShadowedBody { low, high, is_mirror: false }][..], &[]] {
         for distortion in [Distortion::None, BENT] {
             receivers.see(&lens(distortion), &pose, bodies.iter().copied());
             for _ in 0..100 {
@@ -212,7 +211,7 @@ fn a_light_under_the_horizon_of_all_that_is_seen_has_no_map() {
     let lights = [light(0.2, 1.0), light(0.2, -1.0), light(0.5, -1.0), light(1.0, 0.05)];
     let mut receivers = on_ground(3.0, 1);
     let mut maps = ShadowMaps::default();
-    let mut has_map = |pose: &Pose, bodies: &[Body]| {
+    let mut has_map = |pose: &Pose, bodies: &[ShadowedBody]| {
         receivers.see(&lens(Distortion::None), pose, bodies.iter().copied());
         maps.fit(&lights, &casters, &triangles, &receivers, 256, 4);
         maps.draw(&casters, &triangles);
@@ -221,7 +220,7 @@ fn a_light_under_the_horizon_of_all_that_is_seen_has_no_map() {
         }
         maps.cameras().iter().map(Option::is_some).collect::<Vec<_>>()
     };
-    let body = |is_mirror| [Body { low, high, is_mirror }];
+    let body = |is_mirror| [ShadowedBody { low, high, is_mirror }];
     // Down on the ground under the body, which is not in the picture; the last light's shadow is too far.
     let down = Pose::look_at(DVec3::new(0.0, 0.5, 0.2), DVec3::new(0.0, 0.1, 0.0), DVec3::Z);
     assert_eq!(has_map(&down, &body(false)), [true, false, false, false]);
@@ -240,7 +239,7 @@ fn a_light_under_the_horizon_of_all_that_is_seen_has_no_map() {
 #[test]
 fn mirrors_and_wide_lenses_see_all() {
     let (low, high) = (Vec3::splat(-0.1), Vec3::splat(0.1));
-    let body = |is_mirror| [Body { low, high, is_mirror }].into_iter();
+    let body = |is_mirror| [ShadowedBody { low, high, is_mirror }].into_iter();
     let mut receivers = on_ground(1.0, 1);
     let pose = Pose::look_at(DVec3::new(0.0, 1.0, 0.2), DVec3::new(0.0, 0.05, 0.1), DVec3::Z);
     let narrow = Lens::pinhole(64, 48, 400.0, 400.0, 32.0, 24.0);
@@ -265,7 +264,7 @@ fn mirrors_and_wide_lenses_see_all() {
 
 #[test]
 fn the_cone_holds_the_picture_and_little_more() {
-    let mut draws = Draws(3);
+    let mut draws = Draws(Dice::new(3));
     for distortion in [Distortion::None, BENT, Distortion::Equidistant([-0.02, 0.005, -0.003, 0.0006])] {
         let lens = lens(distortion);
         let sides = cone(&lens).unwrap();

@@ -1,6 +1,6 @@
 //! Four triangles, or four spheres, against one ray.
 
-use super::{Block, Hit, NONE, Ray};
+use super::{HitRange, NONE, PreparedRay, ShapeBlock, ShapeHit};
 use glam::{BVec4A, Vec3, Vec4};
 
 /// Four triangles: for each corner the x, y and z of all four.
@@ -10,23 +10,16 @@ pub struct TriangleBlock {
     shapes: [u32; 4],
 }
 
-/// The nearest lane of those in the mask.
+/// The lane of the nearest shape within reach of those in the mask, of several at one distance that of the lowest index.
 #[inline]
-fn nearest_lane(t: Vec4, mask: BVec4A) -> Option<usize> {
-    let bits = mask.bitmask();
-    if bits == 0 {
-        return None;
-    }
-    let mut best = usize::MAX;
-    for lane in 0..4 {
-        if bits >> lane & 1 == 1 && (best == usize::MAX || t[lane] < t[best]) {
-            best = lane;
-        }
-    }
-    Some(best)
+fn nearest_lane(t: Vec4, mask: BVec4A, shapes: &[u32; 4], reach: &HitRange) -> Option<usize> {
+    let within = t.cmpgt(Vec4::splat(reach.t_min)) & t.cmplt(Vec4::splat(reach.t_max));
+    let bits = (mask & within & t.cmple(Vec4::splat(reach.nearest))).bitmask();
+    let lanes = (0..4usize).filter(|lane| bits >> lane & 1 == 1);
+    lanes.reduce(|best, lane| if (t[lane], shapes[lane]) < (t[best], shapes[best]) { lane } else { best })
 }
 
-impl Block for TriangleBlock {
+impl ShapeBlock for TriangleBlock {
     type Shape = [Vec3; 3];
 
     fn bounds(&[a, b, c]: &[Vec3; 3]) -> Option<(Vec3, Vec3)> {
@@ -50,18 +43,27 @@ impl Block for TriangleBlock {
 
     /// The test of Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection" (2013), both sides.
     #[inline]
-    fn meet(&self, ray: &Ray, t_min: f32, t_max: f32) -> Option<Hit> {
+    fn meet(&self, ray: &PreparedRay, reach: &HitRange) -> Option<ShapeHit> {
         let [x, y, z] = ray.axes;
         let origin = [x, y, z].map(|axis| Vec4::splat(ray.origin[axis]));
         let [shear_x, shear_y, shear_z] = [ray.shear.x, ray.shear.y, ray.shear.z].map(Vec4::splat);
         let sheared = self.corners.each_ref().map(|corner| {
             let depth = corner[z] - origin[2];
-            [corner[x] - origin[0] - shear_x * depth, corner[y] - origin[1] - shear_y * depth, depth]
+            let across = [corner[x] - origin[0] - shear_x * depth, corner[y] - origin[1] - shear_y * depth];
+            [across[0], across[1], shear_z * depth]
         });
         let [a, b, c] = &sheared;
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
+        let mut u = c[0] * b[1] - c[1] * b[0];
+        let mut v = a[0] * c[1] - a[1] * c[0];
+        let mut w = b[0] * a[1] - b[1] * a[0];
+        let zero = (u.cmpeq(Vec4::ZERO) | v.cmpeq(Vec4::ZERO) | w.cmpeq(Vec4::ZERO)).bitmask();
+        for lane in (0..4usize).filter(|lane| zero >> lane & 1 == 1 && self.shapes[*lane] != NONE) {
+            let edge = |p: &[Vec4; 3], q: &[Vec4; 3]| {
+                let [p, q] = [p, q].map(|p| [f64::from(p[0][lane]), f64::from(p[1][lane])]);
+                (p[0] * q[1] - p[1] * q[0]) as f32
+            };
+            (u[lane], v[lane], w[lane]) = (edge(c, b), edge(a, c), edge(b, a));
+        }
         let least = u.min(v).min(w);
         let most = u.max(v).max(w);
         let determinant = u + v + w;
@@ -69,12 +71,10 @@ impl Block for TriangleBlock {
         if !inside.any() {
             return None;
         }
-        let share = determinant.recip();
-        let t = (u * a[2] + v * b[2] + w * c[2]) * share * shear_z;
-        let met = inside & t.cmpgt(Vec4::splat(t_min)) & t.cmplt(Vec4::splat(t_max));
-        let lane = nearest_lane(t, met)?;
-        let weights = [v[lane] * share[lane], w[lane] * share[lane]];
-        Some(Hit { t: t[lane], shape: self.shapes[lane], weights })
+        let weights = [u / determinant, v / determinant, w / determinant];
+        let t = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
+        let lane = nearest_lane(t, inside, &self.shapes, reach)?;
+        Some(ShapeHit { t: t[lane], shape: self.shapes[lane], weights: weights.map(|weight| weight[lane]) })
     }
 }
 
@@ -86,7 +86,7 @@ pub struct SphereBlock {
     shapes: [u32; 4],
 }
 
-impl Block for SphereBlock {
+impl ShapeBlock for SphereBlock {
     type Shape = (Vec3, f32);
 
     fn bounds(&(centre, radius): &(Vec3, f32)) -> Option<(Vec3, Vec3)> {
@@ -108,7 +108,7 @@ impl Block for SphereBlock {
 
     /// By the vector from the centre to the ray's nearest point, which keeps its digits where the sphere is far.
     #[inline]
-    fn meet(&self, ray: &Ray, t_min: f32, t_max: f32) -> Option<Hit> {
+    fn meet(&self, ray: &PreparedRay, reach: &HitRange) -> Option<ShapeHit> {
         let d = ray.direction.to_array().map(Vec4::splat);
         let o = ray.origin.to_array().map(Vec4::splat);
         let to = [self.centre[0] - o[0], self.centre[1] - o[1], self.centre[2] - o[2]];
@@ -123,9 +123,8 @@ impl Block for SphereBlock {
         }
         let half = (room.max(Vec4::ZERO) / square).sqrt();
         let (near, far) = (middle - half, middle + half);
-        let (low, high) = (Vec4::splat(t_min), Vec4::splat(t_max));
-        let t = Vec4::select(near.cmpgt(low), near, far);
-        let lane = nearest_lane(t, met & t.cmpgt(low) & t.cmplt(high))?;
-        Some(Hit { t: t[lane], shape: self.shapes[lane], weights: [0.0; 2] })
+        let t = Vec4::select(near.cmpgt(Vec4::splat(reach.t_min)), near, far);
+        let lane = nearest_lane(t, met, &self.shapes, reach)?;
+        Some(ShapeHit { t: t[lane], shape: self.shapes[lane], weights: [0.0; 3] })
     }
 }

@@ -1,13 +1,16 @@
 //! Building the tree: ranges are split by binned surface-area heuristic until a node has four children.
 
-use super::{Block, Caster, LEAF, NONE, Node};
+use super::{BoxNode, LEAF, NONE, ShapeBlock, ShapeTree};
 use glam::{Vec3, Vec4};
 
 /// Shapes of a block.
 const LANES: usize = 4;
 const BINS: usize = 16;
 /// From this depth on ranges are halved by count, which bounds the depth at this and the logarithm of the count.
-const SAH_DEPTH: u32 = 40;
+pub(super) const SAH_DEPTH: u32 = 40;
+/// A box is wider than what is in it by this share of its coordinates, and by this length at least: a ray within the plane of a
+/// face then runs inside.
+const ROOM: (f32, f32) = (f32::EPSILON, 1e-20);
 
 #[derive(Clone, Copy)]
 struct Bounds {
@@ -45,11 +48,11 @@ struct Run {
     depth: u32,
 }
 
-impl<B: Block> Caster<B> {
+impl<B: ShapeBlock> ShapeTree<B> {
     /// Builds the tree; shapes that no ray can meet (not finite, without size) are left out. `shape` in hits counts all of
     /// them.
     pub fn build(shapes: impl Iterator<Item = B::Shape>) -> Self {
-        let mut items: Vec<Item<B::Shape>> = Vec::new();
+        let mut items: Vec<Item<B::Shape>> = Vec::with_capacity(shapes.size_hint().0);
         for (index, shape) in shapes.enumerate() {
             let Some((low, high)) = B::bounds(&shape) else { continue };
             let (bounds, centre) = (Bounds { low, high }, 0.5 * low + 0.5 * high);
@@ -60,14 +63,16 @@ impl<B: Block> Caster<B> {
             return tree;
         }
         let whole = Run { first: 0, count: items.len(), bounds: around(&items), depth: 0 };
+        (tree.count, tree.bounds) = (items.len(), (whole.bounds.low, whole.bounds.high));
         tree.nodes.push(empty());
         let mut open = vec![(0usize, whole)];
         while let Some((at, run)) = open.pop() {
             let children = four(&mut items, run);
             for (k, child) in children.into_iter().enumerate() {
                 for axis in 0..3 {
-                    tree.nodes[at].sides[0][axis][k] = child.bounds.low[axis];
-                    tree.nodes[at].sides[1][axis][k] = child.bounds.high[axis];
+                    let [low, high] = [child.bounds.low[axis], child.bounds.high[axis]];
+                    tree.nodes[at].sides[0][axis][k] = low - (low.abs() * ROOM.0).max(ROOM.1);
+                    tree.nodes[at].sides[1][axis][k] = high + (high.abs() * ROOM.0).max(ROOM.1);
                 }
                 tree.nodes[at].children[k] = if child.count <= LANES {
                     tree.leaf(&items[child.first..child.first + child.count])
@@ -88,9 +93,9 @@ impl<B: Block> Caster<B> {
     }
 }
 
-fn empty() -> Node {
+fn empty() -> BoxNode {
     let nothing = [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]];
-    Node { sides: nothing, children: [NONE; 4] }
+    BoxNode { sides: nothing, children: [NONE; 4] }
 }
 
 fn around<S>(items: &[Item<S>]) -> Bounds {

@@ -1,0 +1,164 @@
+//! A camera that gives bytes of any format, as one that gives 8-bit RGB.
+//!
+//! The conversion runs on the camera's own thread, in one pass, into pictures that are used again; the driver's buffer goes
+//! back to it as soon as that is done, before anybody looks at the picture.
+
+use crate::hdr::develop::{Developer, SensorOptions};
+use crate::model::{
+    frame::{CapturedFrame, Exposure, RawFrame},
+    response::Response,
+    rig::Rig,
+    time::Timestamp,
+};
+use crate::{DeviceError, ErrorKind, FrameSource};
+
+/// A driver's own door: a camera before its pictures are developed. It owes what [`FrameSource`] owes.
+pub trait CaptureSource: Send {
+    /// The next frame; its buffer goes back to the driver when the frame is dropped.
+    fn next(&mut self, deadline: Timestamp) -> Result<CapturedFrame, DeviceError>;
+
+    /// As [`FrameSource::set_exposures`].
+    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError>;
+
+    /// As [`FrameSource::rig`].
+    fn rig(&self) -> Option<Rig>;
+}
+
+/// Develops what a driver captures.
+pub struct DevelopedCamera<S> {
+    device: String,
+    source: S,
+    developer: Developer,
+    response: Response,
+    /// Frames in a row that could not be developed.
+    broken: u32,
+    broken_in_all: u64,
+}
+
+/// So many frames in a row that cannot be developed mean that the camera has lost its state.
+pub const MOST_BROKEN_IN_A_ROW: u32 = 30;
+
+impl<S: CaptureSource> DevelopedCamera<S> {
+    /// `response` is what the camera's 8-bit values mean; a Bayer sensor is linear and is put through it. `Refused` where
+    /// the options are no sensor's.
+    pub fn new(
+        device: impl Into<String>,
+        source: S,
+        response: Response,
+        sensor: SensorOptions,
+    ) -> Result<Self, DeviceError> {
+        let device = device.into();
+        let developer = Developer::new(&response, sensor)
+            .map_err(|e| DeviceError::new(&device, "develop its pictures", ErrorKind::Refused).because(e))?;
+        Ok(Self { device, source, developer, response, broken: 0, broken_in_all: 0 })
+    }
+
+    /// Frames that could not be developed so far.
+    pub fn broken_frames(&self) -> u64 {
+        self.broken_in_all
+    }
+}
+
+impl<S: CaptureSource> FrameSource for DevelopedCamera<S> {
+    /// A frame that cannot be developed (a JPEG file that was cut) is counted and left out; too many in a row are `Reopen`.
+    fn next(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        loop {
+            let captured = self.source.next(deadline)?;
+            let error = match self.developer.develop(&captured.pixels) {
+                Ok(pixels) => {
+                    self.broken = 0;
+                    let CapturedFrame { sequence, t_mid, exposure, .. } = captured;
+                    return Ok(RawFrame { sequence, t_mid, exposure, pixels });
+                }
+                Err(error) => error,
+            };
+            self.broken += 1;
+            self.broken_in_all += 1;
+            if self.broken >= MOST_BROKEN_IN_A_ROW {
+                self.broken = 0;
+                let action = format!("{MOST_BROKEN_IN_A_ROW} frames in a row cannot be read");
+                return Err(DeviceError::new(&self.device, action, ErrorKind::Reopen).because(error));
+            }
+            tracing::warn!("{}: frame {} is left out: {error}", self.device, captured.sequence);
+        }
+    }
+
+    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+        self.source.set_exposures(exposures)
+    }
+
+    fn rig(&self) -> Option<Rig> {
+        self.source.rig()
+    }
+
+    fn response(&self) -> Option<Response> {
+        Some(self.response.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::{Clock, ManualClock};
+    use crate::fake::{FakeDevice, FakePort, FakeScript, FakeStep};
+    use crate::model::pixels::{PixelFormat, PixelLayout, PixelPool};
+    use std::sync::Arc;
+
+    impl CaptureSource for FakeDevice<CapturedFrame> {
+        fn next(&mut self, deadline: Timestamp) -> Result<CapturedFrame, DeviceError> {
+            FakeDevice::next(self, deadline)
+        }
+
+        fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+            Ok(exposures.to_vec())
+        }
+
+        fn rig(&self) -> Option<Rig> {
+            None
+        }
+    }
+
+    /// A camera with two buffers of this layout; frame k is filled with the value that `fill` gives.
+    fn camera(
+        layout: PixelLayout,
+        steps: Vec<FakeStep>,
+        mut fill: impl FnMut(u64) -> u8 + Send + 'static,
+    ) -> (DevelopedCamera<FakeDevice<CapturedFrame>>, ManualClock) {
+        let clock = ManualClock::default();
+        let mut pool = PixelPool::new((0..2).map(|_| vec![0u8; layout.least_bytes()]));
+        let make = move |sequence, t_mid| {
+            let (k, memory) = pool.free().expect("the driver's buffers have come back");
+            memory.fill(fill(sequence));
+            let pixels = pool.lend(k, layout, layout.least_bytes()).unwrap().unwrap();
+            CapturedFrame { sequence, t_mid, exposure: Exposure { time_s: 0.01, gain: 1.0 }, pixels }
+        };
+        let port = FakePort::new(Arc::new(clock.clone()), 0.03, FakeScript::Steps(steps), make);
+        let source = port.open().unwrap();
+        let camera = DevelopedCamera::new("fake", source, Response::srgb(), SensorOptions::default());
+        (camera.unwrap(), clock)
+    }
+
+    #[test]
+    fn buffers_are_free_again_while_pictures_are_held() {
+        let layout = PixelLayout::packed(PixelFormat::Yuyv, 6, 4);
+        let (mut camera, clock) = camera(layout, vec![FakeStep::Item], |_| 128);
+        let mut held = Vec::new();
+        for k in 0..20 {
+            let frame = camera.next(clock.now().plus_seconds(1.0)).unwrap();
+            assert_eq!((frame.sequence, frame.pixels.pixels()[7]), (k, [128; 3]));
+            held.push(frame);
+        }
+    }
+
+    #[test]
+    fn frames_that_cannot_be_read_are_left_out_and_too_many_are_a_loss() {
+        let layout = PixelLayout::packed(PixelFormat::Mjpeg, 6, 4);
+        let (mut camera, clock) = camera(layout, vec![FakeStep::Item], |_| 1);
+        let error = camera.next(clock.now().plus_seconds(100.0)).unwrap_err();
+        assert_eq!(
+            (error.kind, camera.broken_frames()),
+            (ErrorKind::Reopen, u64::from(MOST_BROKEN_IN_A_ROW))
+        );
+        assert!(error.to_string().contains("does not begin as a JPEG file"), "{error}");
+    }
+}
