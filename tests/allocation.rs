@@ -7,7 +7,7 @@ mod sys;
 
 use glam::{DVec3, Vec3};
 use halflight::config::Settings;
-use halflight::daemon::{host::Host, run::prepare};
+use halflight::daemon::{host::Host, prepare::prepare};
 use halflight::math::{lens::Lens, pose::Pose};
 use halflight::model::{
     room::{Face, Room, RoomSun, RoomSurface},

@@ -8,7 +8,7 @@ use halflight::animate::posed::Posed;
 use halflight::assets::{scene, spheres};
 use halflight::compose::{shade_object::LightTerms, soft_shadow};
 use halflight::config::settings::Settings;
-use halflight::daemon::{host::Host, run::prepare};
+use halflight::daemon::{host::Host, prepare::prepare};
 use halflight::model::{
     blocker::Rung,
     light::{Lights, RadianceSh},

@@ -41,7 +41,7 @@ proptest! {
             inner.insert(name.into(), value.clone());
             let mut table = toml::Table::new();
             table.insert(section.into(), toml::Value::Table(inner));
-            match resolve("any.toml", &table, &Settings::default()) {
+            match resolve("any.toml", &(&table).into(), &Settings::default()) {
                 Ok(settings) => prop_assert!(keys::KEYS[index].range.admits(&(keys::KEYS[index].read)(&settings))),
                 Err(errors) => prop_assert!(errors.to_string().contains(keys::KEYS[index].name)),
             }

@@ -3,7 +3,7 @@
 
 use halflight::{
     config::Settings,
-    daemon::{host::Host, run::prepare},
+    daemon::{host::Host, prepare::prepare},
     model::{quality::Effects, time::Timestamp},
     plan::{Effect, LARGEST_ERROR, Pass, Verdict},
 };

@@ -2,17 +2,23 @@
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 use halflight::config::{Settings, file, keys::KEYS, resolve, settings::RunMode};
-use halflight::daemon::live_settings::LiveSettings;
 use halflight::daemon::{
     host::Host,
-    run::{prepare, run},
+    prepare::prepare,
+    run::run_from,
+    settings_thread::{LiveSettings, SettingsThread},
 };
-use halflight::device::Truth;
-use halflight::model::{frame::RawFrame, image::Rgb8Image, picture::Picture};
-use halflight::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
+use halflight::device::clock::MonotonicClock;
+use halflight::model::{image::Rgb8Image, picture::PictureView};
+use halflight::pipeline::{
+    Change, PipelineError,
+    event::{Awaited, Command, Event},
+    inbox::Inbox,
+    turns::{FinishedFrame, FrameSink},
+};
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::sync::OnceLock;
+use std::process;
+use std::sync::{Arc, OnceLock};
 
 /// Three exposures make the first light, so the third picture is the first with objects.
 const FRAMES: u64 = 3;
@@ -39,7 +45,7 @@ position = [0.13, -0.08, 0.0]
 fn scene() -> &'static Path {
     static SCENE_FILE: OnceLock<PathBuf> = OnceLock::new();
     SCENE_FILE.get_or_init(|| {
-        let path = std::env::temp_dir().join(format!("halflight-live-scene-{}.toml", std::process::id()));
+        let path = std::env::temp_dir().join(format!("halflight-live-scene-{}.toml", process::id()));
         std::fs::write(&path, SCENE).unwrap();
         path
     })
@@ -49,9 +55,9 @@ fn scene() -> &'static Path {
 fn recording() -> &'static Path {
     static RECORDING: OnceLock<PathBuf> = OnceLock::new();
     RECORDING.get_or_init(|| {
-        let path = std::env::temp_dir().join(format!("halflight-live-{}.mcap", std::process::id()));
+        let path = std::env::temp_dir().join(format!("halflight-live-{}.mcap", process::id()));
         let out = path.to_str().unwrap();
-        let made = Command::new(env!("CARGO_BIN_EXE_halflight"))
+        let made = process::Command::new(env!("CARGO_BIN_EXE_halflight"))
             .args(["synth", "--frames", "10", "--size", "256x192", "--raw", "--out", out])
             .output()
             .unwrap();
@@ -75,51 +81,45 @@ fn typed(text: &str) -> Result<Settings, String> {
     resolve("live.toml", &table, &base()).map_err(|e| e.to_string())
 }
 
-/// Keeps the pictures; may write the settings file after any of them.
+/// Keeps the pictures; something may be done after any of them.
 struct Pictures<F: FnMut(usize)> {
     all: Vec<Rgb8Image>,
     after: F,
 }
 
 impl<F: FnMut(usize)> FrameSink for Pictures<F> {
-    fn accept(
-        &mut self,
-        _: &RawFrame,
-        _: Option<&Truth>,
-        _: &FrameOutcome,
-        picture: &Picture,
-    ) -> Result<bool, PipelineError> {
-        self.all.push(picture.display.clone());
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        self.all.push(finished.picture.display.clone());
         (self.after)(self.all.len());
         Ok(true)
     }
 }
 
+/// The pictures of a run. `typed` gives what is typed after so many pictures (0: before the first), if anything: settings, or
+/// mistakes.
 fn pictures(
     settings: &Settings,
-    live: Option<&mut LiveSettings>,
-    after: impl FnMut(usize),
+    typed: impl Fn(usize) -> Option<Result<Settings, String>>,
 ) -> Vec<Rgb8Image> {
-    let mut sink = Pictures { all: Vec::new(), after };
-    run(prepare(settings, &Host::default()).unwrap(), settings, live, &mut sink).unwrap();
+    let prepared = prepare(settings, &Host::default()).unwrap();
+    let mut live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
+    let inbox = Arc::<Inbox>::default();
+    let mut type_after = |done| {
+        if let Some(Ok(typed)) = typed(done)
+            && let Some(change) = live.change_to(&typed)
+        {
+            inbox.put_change(change);
+        }
+    };
+    type_after(0);
+    let mut sink = Pictures { all: Vec::new(), after: type_after };
+    run_from(Arc::clone(&inbox), prepared, settings, &mut sink).unwrap();
     sink.all
-}
-
-/// A settings file of this test's own.
-fn settings_file(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("halflight-live-{name}-{}.toml", std::process::id()))
-}
-
-fn followed(path: &Path, settings: &Settings) -> LiveSettings {
-    let theirs = path.to_owned();
-    let read = move || typed(&std::fs::read_to_string(&theirs).map_err(|e| e.to_string())?);
-    LiveSettings::new(path.to_owned(), read, settings)
 }
 
 #[test]
 fn a_changed_key_acts_as_if_it_had_been_there_from_the_start() {
-    let path = settings_file("keys");
-    let plain = pictures(&base(), None, |_| ());
+    let plain = pictures(&base(), |_| None);
     for line in [
         "light.order = 2",
         "light.split = \"paper\"",
@@ -142,37 +142,62 @@ fn a_changed_key_acts_as_if_it_had_been_there_from_the_start() {
     ] {
         let (name, _) = line.split_once(' ').unwrap();
         assert!(KEYS.iter().any(|key| key.name == name && key.is_live()), "{name} is not live");
-        let from_the_start = pictures(&typed(line).unwrap(), None, |_| ());
+        let from_the_start = pictures(&typed(line).unwrap(), |_| None);
         assert!(from_the_start.last() != plain.last(), "{line} changes nothing");
-        std::fs::write(&path, "").unwrap();
-        let mut live = followed(&path, &base());
-        std::fs::write(&path, line).unwrap();
-        let changed = pictures(&base(), Some(&mut live), |_| ());
+        let changed = pictures(&base(), |done| (done == 0).then(|| typed(line)));
         assert!(changed == from_the_start, "{line}: changed later, it draws something else");
     }
-    std::fs::remove_file(path).unwrap();
 }
 
 #[test]
 fn a_view_comes_and_goes_and_mistakes_change_nothing() {
-    let path = settings_file("view");
     let settings = Settings { frames: 10, ..base() };
-    let plain = pictures(&settings, None, |_| ());
-    let mirrors =
-        pictures(&Settings { frames: 10, ..typed("present.view = \"mirror\"").unwrap() }, None, |_| ());
-    std::fs::write(&path, "").unwrap();
-    let mut live = followed(&path, &settings);
-    let got = pictures(&settings, Some(&mut live), |done| match done {
-        3 => std::fs::write(&path, "present.view = \"mirrors\"").unwrap(),
-        4 => std::fs::write(&path, "present.view = \"mirror\"").unwrap(),
-        6 => std::fs::remove_file(&path).unwrap(),
-        7 => std::fs::write(&path, "engine.threads = 2\npresent.view = \"final\"").unwrap(),
-        _ => (),
+    let plain = pictures(&settings, |_| None);
+    let mirrors = pictures(&Settings { frames: 10, ..typed("present.view = \"mirror\"").unwrap() }, |_| None);
+    let got = pictures(&settings, |done| match done {
+        3 => Some(typed("present.view = \"mirrors\"")),
+        4 => Some(typed("present.view = \"mirror\"")),
+        7 => Some(typed("engine.threads = 2\npresent.view = \"final\"")),
+        _ => None,
     });
-    std::fs::remove_file(path).unwrap();
     for (index, picture) in got.iter().enumerate() {
         let want = if (4..7).contains(&index) { &mirrors } else { &plain };
         assert!(*picture == want[index], "picture {index}");
     }
     assert!(plain[5] != mirrors[5]);
+}
+
+/// The next change that comes into an inbox; the test fails where none does.
+fn next_change(inbox: &Inbox) -> Box<Change> {
+    let clock = MonotonicClock::default();
+    let awaited = Awaited { frame: true, deadline: halflight::device::Clock::now(&clock).plus_seconds(60.0) };
+    match inbox.take(awaited, &clock) {
+        Event::Command(Command::Change(change)) => change,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_thread_follows_the_file_and_brings_what_is_ready() {
+    let path = std::env::temp_dir().join(format!("halflight-live-followed-{}.toml", process::id()));
+    std::fs::write(&path, "").unwrap();
+    let prepared = prepare(&base(), &Host::default()).unwrap();
+    let scene = Arc::clone(prepared.pipeline.scene());
+    let live = LiveSettings::new(&base(), Arc::clone(&scene), &prepared.cycle);
+    let inbox = Arc::<Inbox>::default();
+    let clock = Arc::new(MonotonicClock::default());
+    let follows = SettingsThread::start(&path, "", typed, live, Arc::clone(&inbox), clock).unwrap();
+    std::fs::write(&path, "present.view = \"mirror\"").unwrap();
+    let change = next_change(&inbox);
+    assert_eq!(change.options.view, PictureView::Mirror);
+    assert!(change.scene.is_none(), "the bodies are as they were");
+    // A mistake changes nothing; what comes after it does.
+    std::fs::write(&path, "present.view = \"mirrors\"").unwrap();
+    std::fs::write(&path, "present.view = \"mirror\"\nquality.spheres = 6").unwrap();
+    let change = next_change(&inbox);
+    assert_eq!(change.options.quality.spheres, 6);
+    let dressed = change.scene.expect("dressed on the thread");
+    assert!(dressed.figures.iter().zip(&scene.figures).any(|(new, old)| new.spheres != old.spheres));
+    drop(follows);
+    std::fs::remove_file(path).unwrap();
 }

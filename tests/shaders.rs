@@ -5,9 +5,9 @@ use std::{collections::BTreeSet, path::Path};
 
 use halflight::{
     engine::gpu::{
+        TABLE,
         context::{STORAGE_BUFFERS_PER_STAGE, WORKGROUP_INVOCATIONS, WORKGROUP_MEMORY_BYTES},
         kernel::{BindingKind, Kernel},
-        kernels::TABLE,
     },
     plan::Pass,
 };
@@ -47,12 +47,60 @@ fn every_pass_has_a_row_a_twin_and_a_shader() {
         let shader = format!("shaders/{name}.wgsl");
         let own = kernel.sources.last().expect("a kernel has sources");
         assert_eq!(own.path, shader, "{name}: its own file comes last");
-        let twin = format!("src/{name}.rs");
+        let twin = format!("src/core/{name}.rs");
         assert!(root().join(&twin).is_file(), "{name}: no twin at {twin}");
         let text = std::fs::read_to_string(root().join(&twin)).expect("readable");
         assert!(text.contains(&shader), "{twin} does not name its shader {shader}");
         assert!(own.text.contains(&twin), "{shader} does not name its twin {twin}");
     }
+}
+
+/// The kernel that was added last.
+const NEWEST: Pass = Pass::SubtractDisplayed;
+
+/// Paths from the root of all Rust and WGSL files below a folder, with their text; files of unit tests are left out.
+fn files_below(folder: &Path, found: &mut Vec<(String, String)>) {
+    for entry in std::fs::read_dir(folder).expect("readable").flatten() {
+        let path = entry.path();
+        let name = path.strip_prefix(root()).expect("inside").to_string_lossy().into_owned();
+        if path.is_dir() {
+            files_below(&path, found);
+        } else if (name.ends_with(".rs") || name.ends_with(".wgsl")) && !name.ends_with("tests.rs") {
+            found.push((name, std::fs::read_to_string(&path).expect("readable")));
+        }
+    }
+}
+
+/// Files that name a kernel, by its stem or its variant. A line that only declares its module does not count.
+fn places_of(kernel: Pass, files: &[(String, String)]) -> BTreeSet<String> {
+    let (stem, variant) = (kernel.name().rsplit('/').next().expect("a name"), format!("{kernel:?}"));
+    let is_module = |line: &str| line.trim().trim_start_matches("pub ") == format!("mod {stem};");
+    let names_it = |(_, text): &&(String, String)| {
+        text.lines().any(|line| !is_module(line) && (line.contains(stem) || line.contains(&variant)))
+    };
+    files.iter().filter(names_it).map(|(path, _)| path.clone()).collect()
+}
+
+#[test]
+fn a_new_kernel_touches_the_places_that_the_map_names() {
+    let map = std::fs::read_to_string(root().join("src/README.md")).expect("readable");
+    let row = map.lines().find(|line| line.starts_with("| a kernel |")).expect("a row for kernels");
+    let (room, name) = NEWEST.name().split_once('/').expect("a room and a name");
+    let named: BTreeSet<_> = row
+        .split('`')
+        .filter(|word| word.starts_with("src/") || word.starts_with("shaders/"))
+        .map(|word| word.replace("ROOM", room).replace("NAME", name))
+        .collect();
+    let mut files = Vec::new();
+    files_below(&root().join("src"), &mut files);
+    files_below(&root().join("shaders"), &mut files);
+    assert_eq!(places_of(NEWEST, &files), named, "files that name {NEWEST:?}, and those of the map");
+    assert!(named.len() <= 6, "{named:?}");
+    // The count sees a place more.
+    files.push(("src/engine/more.rs".into(), "match pass { Pass::SubtractDisplayed => {} }".into()));
+    assert_eq!(places_of(NEWEST, &files).len(), named.len() + 1);
+    files.push(("src/engine/less.rs".into(), "    pub mod subtract_displayed;".into()));
+    assert_eq!(places_of(NEWEST, &files).len(), named.len() + 1, "a module's declaration is no place");
 }
 
 #[test]
@@ -95,7 +143,7 @@ fn entry_points_are_those_of_the_table() {
         let entries: BTreeSet<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(entries, kernel.entries.iter().copied().collect(), "{}", kernel.pass.name());
         let draws = module.entry_points.iter().any(|entry| entry.stage != ShaderStage::Compute);
-        assert_eq!(draws, kernel.draws(), "{}", kernel.pass.name());
+        assert_eq!(draws, kernel.pass.draws_triangles(), "{}", kernel.pass.name());
     }
 }
 

@@ -12,7 +12,7 @@ const LONGEST: usize = 500;
 
 /// Folders within one crate and their layers: a file uses only layers below its own. Between crates Cargo holds the
 /// arrows.
-const LAYERS: [(&str, u8); 13] = [
+const LAYERS: [(&str, u8); 14] = [
     ("model", 1),
     ("hdr", 2),
     ("track", 2),
@@ -23,9 +23,10 @@ const LAYERS: [(&str, u8); 13] = [
     ("compose", 2),
     ("plan", 2),
     ("animate", 2),
-    ("pipeline", 4),
-    ("config", 5),
-    ("daemon", 6),
+    ("present", 4),
+    ("pipeline", 5),
+    ("config", 6),
+    ("daemon", 7),
 ];
 
 /// Crates whose folders have layers.
@@ -378,6 +379,31 @@ fn every_pass_has_its_twin_and_its_shader() {
         .filter(|path| !root().join(path).is_file())
         .collect();
     assert_none("a kernel is one name", missing);
+}
+
+/// Lines of an engine's file that name the other engine.
+fn names_the_other_engine(path: &str, text: &str) -> Vec<String> {
+    let other: &[&str] = if path.starts_with("src/engine/cpu") {
+        &["gpu", "GpuEngine", "wgpu"]
+    } else if path.starts_with("src/engine/gpu") {
+        &["cpu", "CpuEngine", "Twins"]
+    } else if path.starts_with("src/engine/frame") {
+        &["gpu", "GpuEngine", "wgpu", "cpu", "CpuEngine", "Twins"]
+    } else {
+        &[]
+    };
+    let code = code_only(text);
+    let found = other.iter().flat_map(|name| lines_with(&code, name));
+    found.map(|line| format!("{path}:{line}")).collect()
+}
+
+#[test]
+fn neither_engine_knows_the_other() {
+    let found = sources().into_iter().flat_map(|(path, text)| names_the_other_engine(&path, &text)).collect();
+    assert_none("engine/cpu and engine/gpu meet in engine/door.rs alone", found);
+    assert_eq!(names_the_other_engine("src/engine/gpu/a.rs", "use crate::cpu::Twins;").len(), 2);
+    assert_eq!(names_the_other_engine("src/engine/cpu/a.rs", "use crate::gpu::view;").len(), 1);
+    assert!(names_the_other_engine("src/engine/door.rs", "use crate::{cpu::Twins, gpu};").is_empty());
 }
 
 #[test]

@@ -31,7 +31,7 @@ use halflight::{
         time::Timestamp,
     },
     nearfield::prepare::KnownRoom,
-    plan::{FramePlan, Pass, effects},
+    plan::{FramePlan, Pass, Product, effects},
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -88,6 +88,7 @@ impl Shot {
             t: Timestamp(0),
         };
         let mut out = Picture::default();
+        engine.ask_for_linear(true);
         engine.relight(&self.plan, &input, &mut out).unwrap();
         out
     }
@@ -137,11 +138,10 @@ fn allowed(own: Option<Pass>, spread: Spread, places: u32) -> Apart {
     }
 }
 
+/// The maps of the near lights, and the form of subtracting them that was chosen.
 fn room(quality: &Quality) -> [Pass; 2] {
-    match quality.near_form {
-        NearForm::Ratio => [Pass::PointMaps, Pass::Subtract],
-        NearForm::Ldr => [Pass::PointMaps, Pass::SubtractDisplayed],
-    }
+    let is_chosen = |pass: &Pass| pass.facts().form.as_ref().is_some_and(|form| (form.is_chosen)(quality));
+    [Pass::PointMaps, Product::Ratios.makers().iter().find(is_chosen).expect("one form is chosen")]
 }
 
 /// Bytes of the suns' maps.

@@ -119,6 +119,7 @@ impl Shot {
             t: Timestamp(7),
         };
         let mut out = Picture::default();
+        engine.ask_for_linear(true);
         engine.relight(&self.plan, &input, &mut out).expect("a sound frame");
         out
     }

@@ -17,8 +17,8 @@ use halflight::model::{
     scene::{Material, RealSurface, Scene, VirtualObject},
     time::Timestamp,
 };
-use halflight::pipeline::views::{Subject, Views};
 use halflight::plan::{FramePlan, Pass};
+use halflight::present::views::{Subject, Views};
 
 const WIDTH: usize = 160;
 const HEIGHT: usize = 120;

@@ -5,9 +5,9 @@ use halflight::{
     animate::posed::Posed,
     assets::shapes,
     config::Settings,
-    daemon::{host::Host, run::prepare},
+    daemon::{host::Host, prepare::prepare},
     engine::{
-        Engine, RelightInput,
+        Engine, RelightInput, Timings,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
@@ -218,7 +218,7 @@ pub fn run() {
         Err(error) => println!("  {error}"),
     }
     for backend in Backend::ALL {
-        match GpuEngine::new(Some(backend)) {
+        match GpuEngine::new(Some(backend)).map(|engine| engine.with_timings(Timings::Fenced)) {
             Ok(mut engine) => compare(&mut engine),
             Err(error) => println!("  {error}"),
         }

@@ -7,7 +7,7 @@ use halflight::light::unwrap_ball::BallShot;
 use halflight::{
     assets::shapes,
     engine::{
-        Bracket, Engine, LightJob, RelightInput,
+        Bracket, Engine, LightJob, RelightInput, Timings,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
@@ -39,7 +39,7 @@ const NOW11_FRAME_MS: f64 = 1000.0 / 70.0;
 const GIB03_FRAME_MS: f64 = 1000.0 / 35.0;
 
 /// A knot and two balls on a table; `segments` sets the number of triangles.
-fn scene(segments: u32) -> Scene {
+pub fn scene(segments: u32) -> Scene {
     let object = |name: &str, mesh, material, at| VirtualObject {
         name: name.into(),
         mesh,
@@ -71,7 +71,8 @@ fn scene(segments: u32) -> Scene {
     }
 }
 
-struct Frame {
+/// All that a frame is drawn from.
+pub struct Frame {
     lens: Lens,
     pose: Pose,
     light: Lights,
@@ -80,12 +81,15 @@ struct Frame {
     exposures: [Exposure; 3],
     response: Response,
     ball: MirrorBall,
-    plan: FramePlan,
-    scene: Scene,
+    /// The passes of a picture.
+    pub plan: FramePlan,
+    /// What is in it.
+    pub scene: Scene,
 }
 
 impl Frame {
-    fn new(scene: Scene) -> Self {
+    /// Of a scene.
+    pub fn new(scene: Scene) -> Self {
         let (width, height) = (WIDTH as usize, HEIGHT as usize);
         let mut background = HdrImage::default();
         background.radiance.reshape(width, height, [0.5, 0.45, 0.4]);
@@ -127,6 +131,21 @@ impl Frame {
         }
     }
 
+    /// What it is drawn from, seen from a pose.
+    pub fn input<'a>(&'a self, world_from_camera: &'a Pose) -> RelightInput<'a> {
+        RelightInput {
+            background: &self.background,
+            lens: &self.lens,
+            world_from_camera,
+            light: &self.light,
+            environment: None,
+            posed: None,
+            response: &self.response,
+            shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
+            t: Timestamp(0),
+        }
+    }
+
     /// Everything that a frame does, once.
     fn run(&self, engine: &mut dyn Engine, out: &mut Picture) {
         let pictures: Vec<_> = self.pictures.iter().collect();
@@ -142,17 +161,7 @@ impl Frame {
             without_ball: None,
         });
         engine.estimate_light(&job, &self.plan.quality).expect("a visible ball");
-        let input = RelightInput {
-            background: &self.background,
-            lens: &self.lens,
-            world_from_camera: &self.pose,
-            light: &self.light,
-            environment: None,
-            posed: None,
-            response: &self.response,
-            shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
-            t: Timestamp(0),
-        };
+        let input = self.input(&self.pose);
         engine.relight(&self.plan, &input, out).expect("a sound frame");
     }
 }
@@ -211,7 +220,7 @@ pub fn run() {
             Err(error) => println!("  {error}"),
         }
         for backend in Backend::ALL {
-            match GpuEngine::new(Some(backend)) {
+            match GpuEngine::new(Some(backend)).map(|engine| engine.with_timings(Timings::Fenced)) {
                 Ok(mut engine) => measure(&frame, &mut engine),
                 Err(error) => println!("  {error}"),
             }

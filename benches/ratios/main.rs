@@ -1,6 +1,7 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`, or `-- NAME` for one module of the list.
 
 mod blockers;
+mod delivery;
 mod effects;
 mod frame;
 mod growth;
@@ -13,7 +14,7 @@ mod room;
 mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 10] = [
+    let all: [(&str, fn()); 11] = [
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),
@@ -24,6 +25,7 @@ fn main() {
         ("effects", effects::run),
         ("trace", trace::run),
         ("frame", frame::run),
+        ("delivery", delivery::run),
     ];
     // Cargo itself adds `--bench`.
     let only = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));

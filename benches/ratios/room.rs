@@ -7,7 +7,7 @@ use halflight::{
     animate::posed::Posed,
     assets::shapes,
     engine::{
-        Engine, RelightInput,
+        Engine, RelightInput, Timings,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine, Spread},
     },
@@ -173,7 +173,7 @@ pub fn run() {
         Some(Err(error)) => println!("  {error}"),
     }
     for backend in Backend::ALL.into_iter().filter(|backend| asked(backend.name())) {
-        let engine = match GpuEngine::new(Some(backend)) {
+        let engine = match GpuEngine::new(Some(backend)).map(|engine| engine.with_timings(Timings::Fenced)) {
             Ok(engine) => engine,
             Err(error) => {
                 println!("  {error}");

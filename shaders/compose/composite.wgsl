@@ -1,5 +1,5 @@
 // Objects over the camera's picture: background x ratio x (1 - coverage) + object, in linear radiance.
-// Twin: src/compose/composite.rs.
+// Twin: src/core/compose/composite.rs.
 
 struct CompositeParams {
     // Columns and rows of the picture; first column and row of the object layer.

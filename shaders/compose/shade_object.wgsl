@@ -1,6 +1,6 @@
 // Light onto virtual objects: E_k f+ from each hard light, the zonal lobe of the same f+ over the soft half
 // (Eq. 16, 19 of [Now11], as corrected); mirrors and sharp gloss from the picture of the environment. Four samples a pixel; real surfaces hide what lies behind them.
-// Twin: src/compose/shade_object.rs (and src/compose/raster.rs for coverage).
+// Twin: src/core/compose/shade_object.rs (and src/core/compose/raster.rs for coverage).
 
 struct MaterialTerms {
     albedo_rgb: vec4<f32>,

@@ -1,5 +1,5 @@
 // What virtual objects leave of the light on real surfaces: a ratio for each pixel, written as the bits of three
-// floats. Drawing the surfaces finds the nearest one at each pixel's centre. Twin: src/compose/shade_surface.rs.
+// floats. Drawing the surfaces finds the nearest one at each pixel's centre. Twin: src/core/compose/shade_surface.rs.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> light: LightTerms;

@@ -1,7 +1,7 @@
 // What spheres, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
 // the inverse depth, as bits of four floats, in a picture of every n-th pixel. One fragment stage for the rung
-// `directions`, one for all others; or the same in vertex stages, over a grid (src/compose/soft_grid.rs), interpolated.
-// Twin: src/compose/soft_shadow.rs (over src/visibility/blockers).
+// `directions`, one for all others; or the same in vertex stages, over a grid (src/core/compose/soft_grid.rs), interpolated.
+// Twin: src/core/compose/soft_shadow.rs (over src/core/visibility/blockers).
 
 struct SoftTerms {
     // Directions, 0, 0, 0.

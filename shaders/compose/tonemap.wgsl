@@ -1,5 +1,5 @@
 // Back through the camera's response: for each channel the number of thresholds at or below the exposure, found
-// from what it is at the start of the exposure's cell. Twin: src/compose/tonemap.rs. One invocation makes four pixels,
+// from what it is at the start of the exposure's cell. Twin: src/core/compose/tonemap.rs. One invocation makes four pixels,
 // which are three whole words.
 
 struct TonemapParams {

@@ -1,5 +1,5 @@
 // Exposures to linear radiance: ln E = sum w(z) (g(z) - ln t) / sum w(z), Eq. 6 of [DM97], with the hat weight
-// and the bounds of channels that are 0 or 255 in every picture. Twin: src/hdr/merge_bracket.rs.
+// and the bounds of channels that are 0 or 255 in every picture. Twin: src/core/hdr/merge_bracket.rs.
 // One invocation merges four pixels, because four pixels are three whole words of packed bytes.
 
 struct MergeParams {

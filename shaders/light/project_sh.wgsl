@@ -1,6 +1,6 @@
 // Radiance samples to SH coefficients of radiance: L_lm = sum of w L(d) y_lm(d), w the solid angle.
 // The order of all sums is fixed by the sample numbers alone, so that every run gives the same bits.
-// Twin: src/light/project_sh.rs.
+// Twin: src/core/light/project_sh.rs.
 
 struct ProjectParams {
     samples: u32,

@@ -1,6 +1,6 @@
 // Directions and solid angles of a mirror ball's pixels: the rays through each pixel's corners are mirrored at the
 // sphere; their spherical quadrilateral is what the pixel sees. Any lens: the host makes the rays. Radiance and what
-// the ball does not show are the host's part. Twin: src/light/unwrap_ball.rs (reflect_corner, cell).
+// the ball does not show are the host's part. Twin: src/core/light/unwrap_ball.rs (reflect_corner, cell).
 
 struct UnwrapParams {
     // From the ball's centre to the camera, metres.

@@ -1,5 +1,5 @@
 // What virtual objects leave of a known room's light: a ratio for each pixel, written as the bits of three floats.
-// Drawing the room finds its nearest triangle at each pixel's centre. Twin: src/nearfield/subtract.rs.
+// Drawing the room finds its nearest triangle at each pixel's centre. Twin: src/core/nearfield/subtract.rs.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> cameras_near: PointCameras;

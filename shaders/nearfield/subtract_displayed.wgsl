@@ -1,6 +1,6 @@
 // What virtual objects leave of a known room's light, subtracted light by light from what an 8-bit display shows of the place,
 // as in [Gib03]. Comes after subtract.wgsl, whose bindings, vertex stage and light it uses.
-// Twin: src/nearfield/subtract_displayed.rs.
+// Twin: src/core/nearfield/subtract_displayed.rs.
 
 // As `listed`: what lights before one in its set send to the triangle's corners; w: 0 first set, 1 second.
 @group(0) @binding(13) var before: texture_2d<f32>;

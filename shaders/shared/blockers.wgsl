@@ -1,4 +1,4 @@
-// How much of its directions spheres hide from a receiver, every rung but `directions`. Twin: src/visibility/blockers/mod.rs.
+// How much of its directions spheres hide from a receiver, every rung but `directions`. Twin: src/core/visibility/blockers/mod.rs.
 // Needs shared/sh_product and two uniforms of the structs below, `blockers` and `tables`, which Rust fills.
 
 struct BlockerTerms {

@@ -1,5 +1,5 @@
 // A perspective camera at a near light, the places on the light that it is seen from, and where its maps lie among the others.
-// Twin: src/visibility/point_maps/camera.rs.
+// Twin: src/core/visibility/point_maps/camera.rs.
 
 struct PointCamera {
     // World metres to column times w, row times w (texels), and w: metres from the light's middle along the camera's axis.

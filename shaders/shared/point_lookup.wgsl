@@ -1,5 +1,5 @@
 // How much of a near light virtual objects let through to a point of a receiver.
-// Twin: src/visibility/point_maps.rs (visibility, of surfaces that do not cast).
+// Twin: src/core/visibility/point_maps.rs (visibility, of surfaces that do not cast).
 
 // Of a light what leaves less than this is rounding.
 const FAINT = 1e-5;

@@ -1,5 +1,5 @@
 // The orthographic camera that looks along a hard light.
-// Twin: src/visibility/shadow_maps.rs (ShadowCamera).
+// Twin: src/core/visibility/shadow_maps.rs (ShadowCamera).
 
 struct ShadowCamera {
     // Rows of the map from world metres to column, row (texels) and depth.

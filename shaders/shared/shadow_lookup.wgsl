@@ -1,5 +1,5 @@
 // How much of a hard light virtual objects let through to a point.
-// Twin: src/visibility/shadow_maps.rs (bias_m, lit, visibility).
+// Twin: src/core/visibility/shadow_maps.rs (bias_m, lit, visibility).
 
 const EMPTY_DEPTH = 1.0;
 const MAX_BIAS_TEXELS = 64.0;

@@ -1,4 +1,4 @@
-// The light of a frame, and the sums of its soft half. Twin: src/compose/shade_object.rs (LightTerms).
+// The light of a frame, and the sums of its soft half. Twin: src/core/compose/shade_object.rs (LightTerms).
 
 struct HardLight {
     // Unit, towards the light, world frame.

@@ -1,6 +1,6 @@
 // What mirrors and sharp gloss see: the picture of the environment and its prefiltered levels on octahedral squares, one
 // under the other in one texture; the largest triangles of real surfaces; the spheres of virtual bodies.
-// Twins: src/compose/reflected.rs, src/model/environment.rs, src/math/octahedral.rs.
+// Twins: src/core/compose/reflected.rs, src/core/model/environment.rs, src/math/octahedral.rs.
 
 struct SeenSphere {
     // Centre and radius, world frame, metres.

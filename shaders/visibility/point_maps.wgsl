@@ -1,5 +1,5 @@
 // Depth of the virtual objects' stand-ins seen from near lights, many lights in one pass: an instance is a place on a light,
-// and its view a square of the light's tile of the page that is drawn to. Twin: src/visibility/point_maps.rs.
+// and its view a square of the light's tile of the page that is drawn to. Twin: src/core/visibility/point_maps.rs.
 // The depth's bits go to an integer target, as in visibility/shadow_maps.
 
 @group(0) @binding(0) var<uniform> cameras: PointCameras;

@@ -1,4 +1,4 @@
-// Depth of the virtual objects seen along the directional light. Twin: src/visibility/shadow_maps.rs.
+// Depth of the virtual objects seen along the directional light. Twin: src/core/visibility/shadow_maps.rs.
 // The depth's bits go to an integer target: that can be read texel by texel and copied on every backend, which
 // depth formats cannot. The nearest triangle stays, whichever way it faces.
 

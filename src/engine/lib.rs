@@ -4,6 +4,8 @@ use halflight_core::{animate, compose, hdr, light, model, nearfield, plan, visib
 use halflight_math as math;
 
 pub mod cpu;
+mod door;
+mod frame;
 pub mod gpu;
 
 use crate::animate::posed::Posed;
@@ -23,6 +25,18 @@ use crate::model::{
 use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{Foresight, FramePlan, Pass, PassTiming};
 use std::sync::Arc;
+
+/// How passes on a device are timed. Passes on the host are timed but for `Off`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timings {
+    /// Not at all.
+    Off,
+    /// By timestamp queries, where the device has them; no pass is awaited before the picture is.
+    #[default]
+    Stamps,
+    /// The same; where the device has none, each pass is submitted and awaited by itself. For benchmarks: frames take longer.
+    Fenced,
+}
 
 /// What went wrong in an engine.
 #[derive(Debug, thiserror::Error)]
@@ -136,6 +150,24 @@ pub trait Engine: Send {
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError>;
+    /// Begins one frame and hands out the one before it, so that a device works on this one while that one is read. Returns
+    /// whether `out` holds a picture; its time says which frame it is of. The pictures are those of [`Engine::relight`], one
+    /// call later; an engine without a device of its own hands out each at once.
+    fn relight_ahead(
+        &mut self,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<bool, EngineError> {
+        self.relight(plan, input, out).map(|()| true)
+    }
+    /// Hands out the frame that [`Engine::relight_ahead`] began last, if it has not been yet; returns whether there was one.
+    fn take_waiting(&mut self, _out: &mut Picture) -> Result<bool, EngineError> {
+        Ok(false)
+    }
+    /// Says whether `Picture::radiance` is wanted of the frames to come. At first it is not, and an engine on a device leaves it
+    /// empty where it composes there; an engine on the processor fills it in any case.
+    fn ask_for_linear(&mut self, _wanted: bool) {}
     /// The passes that the last frame dispatched, in order.
     fn dispatched(&self) -> &[Pass];
     /// What lives for the last frame, by name: on the device its buffers and textures, on the CPU the pictures and maps that

@@ -28,7 +28,7 @@ pub use halflight_engine as engine;
 pub use halflight_lab as lab;
 pub use halflight_lab::{reference, stress};
 pub use halflight_math as math;
-pub use halflightd::{config, daemon, pipeline};
+pub use halflightd::{config, daemon, pipeline, present};
 
 pub mod cli;
 

@@ -9,3 +9,4 @@ use halflight_math as math;
 pub mod config;
 pub mod daemon;
 pub mod pipeline;
+pub mod present;

@@ -2,14 +2,14 @@
 
 use clap::Parser;
 use halflightd::config::{Settings, file, resolve};
-use halflightd::daemon::{live_settings::LiveSettings, run::run_daemon};
-use halflightd::pipeline::event::RunCounts;
-use std::path::PathBuf;
+use halflightd::daemon::run::{FollowedFile, run_daemon};
+use halflightd::pipeline::turns::RunCounts;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The daemon: captures, measures the light, draws virtual objects into the picture.
 ///
-/// Every setting is explained in config/default.toml; `halflight check FILE` checks a file.
+/// Every setting is explained in config/default.toml; `halflight check FILE` checks a file. SIGINT and SIGTERM end it.
 #[derive(Parser)]
 #[command(name = "halflightd", version, max_term_width = 110)]
 struct Arguments {
@@ -40,6 +40,8 @@ fn main() -> ExitCode {
                 lost_by_source = counts.lost_by_source,
                 passed_over = counts.passed_over,
                 passed_through = counts.passed_through,
+                held = counts.held,
+                devices_lost = counts.devices_lost,
                 "ended"
             );
             ExitCode::SUCCESS
@@ -52,17 +54,21 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<RunCounts, String> {
-    let started = settings(&arguments)?;
-    let file = arguments.config.clone();
-    let mut live = file.map(|file| LiveSettings::new(file, move || settings(&arguments), &started));
-    run_daemon(&started, live.as_mut()).map_err(|e| e.to_string())
+    let content = arguments.config.as_deref().map(file::text).transpose()?;
+    let started = settings(&arguments, content.as_deref())?;
+    let followed = arguments.config.clone().zip(content).map(|(path, content)| FollowedFile {
+        path,
+        content,
+        read: Box::new(move |content| settings(&arguments, Some(content))),
+    });
+    run_daemon(&started, followed).map_err(|e| e.to_string())
 }
 
-fn settings(arguments: &Arguments) -> Result<Settings, String> {
+/// All settings: a file's content over the defaults, the command line over both.
+fn settings(arguments: &Arguments, content: Option<&str>) -> Result<Settings, String> {
     let mut settings = Settings::default();
-    if let Some(path) = &arguments.config {
-        let typed = file::read(path)?;
-        settings = resolve(&path.display().to_string(), &typed, &settings).map_err(|e| e.to_string())?;
+    if let (Some(path), Some(content)) = (&arguments.config, content) {
+        settings = from_file(path, content, &settings)?;
     }
     for line in &arguments.set {
         let typed = file::parse(line).map_err(|e| format!("--set {line}: {e}"))?;
@@ -70,4 +76,10 @@ fn settings(arguments: &Arguments) -> Result<Settings, String> {
     }
     settings.hud |= arguments.hud;
     Ok(settings)
+}
+
+fn from_file(path: &Path, content: &str, base: &Settings) -> Result<Settings, String> {
+    let name = path.display().to_string();
+    let typed = file::parse(content).map_err(|e| format!("{name}: {e}"))?;
+    resolve(&name, &typed, base).map_err(|e| e.to_string())
 }

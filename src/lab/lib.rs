@@ -7,7 +7,7 @@ use halflight_core::{animate, compose, hdr, light, model, nearfield, plan, sourc
 use halflight_device as device;
 use halflight_engine as engine;
 use halflight_math as math;
-use halflightd::{config, daemon, pipeline};
+use halflightd::{config, daemon, pipeline, present};
 
 pub mod case;
 pub mod digest;

@@ -58,24 +58,18 @@ impl Effect {
         Self::ToneMapping,
     ];
 
-    /// The pass that draws it; `None`: it is a part of another's.
-    pub const fn pass(self) -> Option<Pass> {
-        Some(match self {
-            Self::BracketMerge => Pass::MergeBracket,
-            Self::BallUnwrap => Pass::UnwrapBall,
-            Self::ShProjection => Pass::ProjectSh,
-            Self::ShadowMaps => Pass::ShadowMaps,
-            Self::SoftShadows => Pass::SoftShadow,
-            Self::NearMaps => Pass::PointMaps,
-            Self::NearShadows => Pass::Subtract,
-            Self::Objects => Pass::ShadeObject,
-            Self::SurfaceShadows => Pass::ShadeSurface,
-            Self::Composition => Pass::Composite,
-            Self::ToneMapping => Pass::Tonemap,
-            Self::MirrorPicture | Self::ShadowFilter | Self::VertexLight | Self::IrradianceVolume => {
-                return None;
-            }
-        })
+    /// The pass that draws it, the first of its forms; `None`: it is a part of another's.
+    pub fn pass(self) -> Option<Pass> {
+        Pass::ALL.into_iter().find(|pass| pass.facts().effect == self)
+    }
+
+    /// The pass that it is a part of, where no pass draws it alone.
+    pub const fn part_of(self) -> Option<Pass> {
+        match self {
+            Self::MirrorPicture | Self::VertexLight | Self::IrradianceVolume => Some(Pass::ShadeObject),
+            Self::ShadowFilter => Some(Pass::ShadowMaps),
+            _ => None,
+        }
     }
 
     /// For tables and JSON.

@@ -30,29 +30,23 @@ pub struct Amounts {
     pub brackets: usize,
 }
 
-/// Directions that a ball is read in, about.
-const BALL_SAMPLES: f32 = 50_000.0;
-
 impl Amounts {
+    /// Directions that a ball is read in, about.
+    pub const BALL_SAMPLES: f32 = 50_000.0;
+
     /// Work of a pass, in units.
     pub fn of(&self, pass: Pass) -> f32 {
-        let n = |x: usize| x as f32;
-        let pixels = n(self.pixels);
-        match pass {
-            Pass::MergeBracket => 4.0 * pixels * n(self.brackets),
-            Pass::UnwrapBall => 30.0 * BALL_SAMPLES,
-            Pass::ProjectSh => 0.5 * BALL_SAMPLES * n(self.coefficients),
-            Pass::ShadowMaps => n(self.maps) * (0.2 * n(self.map_texels).powi(2) + 10.0 * n(self.vertices)),
-            Pass::SoftShadow => 5.0 * pixels / n(self.soft_step_px.max(1)).powi(2) * n(self.spheres),
-            Pass::PointMaps => {
-                n(self.near_lights) * (0.2 * n(self.near_texels).powi(2) + 2.0 * n(self.vertices))
-            }
-            Pass::Subtract | Pass::SubtractDisplayed => 4.0 * pixels * n(self.near_lights),
-            Pass::ShadeObject => 3.0 * pixels + self.vertex_light(),
-            Pass::ShadeSurface => 6.0 * pixels + 2.0 * pixels * n(self.maps),
-            Pass::Composite => pixels,
-            Pass::Tonemap => 3.0 * pixels,
-        }
+        (pass.facts().work)(self)
+    }
+
+    /// Work of something that is done once a pixel.
+    pub fn pixels(&self) -> f32 {
+        self.pixels as f32
+    }
+
+    /// Work of what objects take of a known room's light.
+    pub fn near_light(&self) -> f32 {
+        4.0 * self.pixels() * self.near_lights as f32
     }
 
     /// Work of the soft light at the vertices of objects.

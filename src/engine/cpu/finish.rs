@@ -1,22 +1,20 @@
 //! The last two passes of a frame: objects over what is left of the place, and the way back to 8 bits.
 
-use super::{super::RelightInput, Work};
+use super::Twins;
 use crate::compose::{composite, tonemap::ToneTable};
+use crate::frame::{FrameJob, FrameState};
 use crate::model::{image::RadianceImage, picture::Picture};
+use crate::plan::Product;
 use rayon::prelude::*;
 
-impl Work {
-    pub(crate) fn composite(
-        &self,
-        input: &RelightInput<'_>,
-        objects: bool,
-        ratios: bool,
-        out: &mut RadianceImage,
-    ) {
-        let background = &input.background.radiance;
+impl Twins {
+    /// Objects over what is left of the place.
+    pub(super) fn composite(job: &FrameJob<'_>, state: &FrameState, out: &mut RadianceImage) {
+        let background = &job.input.background.radiance;
+        let (objects, ratios) = (job.uses.make(Product::ObjectLayer), job.uses.make(Product::Ratios));
         let width = background.width();
         out.reshape(width, background.height(), [0.0; 3]);
-        let (layer, ratio) = (self.object_layer.pixels(), self.ratio.pixels());
+        let (layer, ratio) = (state.results.object_layer.pixels(), state.results.ratios.pixels());
         let rows = out.pixels_mut().par_chunks_mut(width.max(1));
         rows.zip(background.pixels().par_chunks(width.max(1))).enumerate().for_each(|(y, (out, row))| {
             for (x, (out, &below)) in out.iter_mut().zip(row).enumerate() {
@@ -28,7 +26,9 @@ impl Work {
         });
     }
 
-    pub(crate) fn tonemap(&mut self, input: &RelightInput<'_>, out: &mut Picture) {
+    /// The way back to 8 bits.
+    pub(super) fn tonemap(&mut self, job: &FrameJob<'_>, out: &mut Picture) {
+        let input = job.input;
         let table = self.tone.get_or_insert_with(|| ToneTable::of(input.response));
         table.update(input.response);
         let (width, height) = (out.radiance.width(), out.radiance.height());

@@ -1,4 +1,4 @@
-//! What shading reads at a fragment, and the lens of a coarse picture.
+//! What shading reads at a fragment.
 
 use crate::compose::{
     geometry::{ObjectGeometry, SurfaceGeometry},
@@ -6,22 +6,7 @@ use crate::compose::{
     shade_object::ObjectPoint,
     transferred::Transferred,
 };
-use crate::math::lens::Lens;
 use glam::Vec3;
-
-/// The lens of a picture of every `step`-th pixel of every `step`-th row, rounded up at the far borders.
-pub fn coarse_lens(lens: &Lens, step: u32) -> Lens {
-    let k = f64::from(step.max(1));
-    Lens {
-        width: lens.width.div_ceil(step.max(1)),
-        height: lens.height.div_ceil(step.max(1)),
-        fx: lens.fx / k,
-        fy: lens.fy / k,
-        cx: lens.cx / k,
-        cy: lens.cy / k,
-        ..*lens
-    }
-}
 
 /// Interpolates what shading needs at a fragment, and its facet's normal on the seen side. Backs of open meshes are
 /// shaded like fronts.

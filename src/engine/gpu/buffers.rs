@@ -2,6 +2,7 @@
 
 use super::{context::GpuContext, kernel::Resource, live::Lease};
 use crate::EngineError;
+use std::sync::mpsc::{Receiver, sync_channel};
 
 /// Copies and uploads come in units of this many bytes.
 const WORD: u64 = wgpu::COPY_BUFFER_ALIGNMENT;
@@ -88,12 +89,14 @@ pub fn write_bytes(context: &GpuContext, buffer: &wgpu::Buffer, offset: u64, byt
 pub struct Readback {
     label: &'static str,
     buffer: Option<(wgpu::Buffer, Lease)>,
+    /// What has become of the last request.
+    answer: Option<Receiver<Result<(), wgpu::BufferAsyncError>>>,
 }
 
 impl Readback {
     /// Empty.
     pub const fn new(label: &'static str) -> Self {
-        Self { label, buffer: None }
+        Self { label, buffer: None, answer: None }
     }
 
     /// The target of copies, of at least that many bytes.
@@ -123,22 +126,44 @@ impl Readback {
         bytes: usize,
         read: impl FnOnce(&[u8]) -> R,
     ) -> Result<R, EngineError> {
-        let failed = |reason: String| EngineError::Gpu { pass, reason };
-        let buffer = self.at_least(context, bytes).clone();
-        let slice = buffer.slice(..whole_words(bytes));
-        let (sender, receiver) = std::sync::mpsc::sync_channel(1);
-        slice.map_async(wgpu::MapMode::Read, move |outcome| {
-            // The receiver lives until the wait below has returned; if that failed nobody asks.
-            let _ = sender.send(outcome);
-        });
+        self.request(context, bytes);
         context.wait(pass)?;
-        match receiver.try_recv() {
+        self.take(pass, bytes, read)
+    }
+
+    /// Asks for the first `bytes` bytes; the copy must have been submitted.
+    pub fn request(&mut self, context: &GpuContext, bytes: usize) {
+        let (sender, receiver) = sync_channel(1);
+        self.at_least(context, bytes).slice(..whole_words(bytes)).map_async(
+            wgpu::MapMode::Read,
+            move |outcome| {
+                // Nobody asks any more where the wait has failed.
+                let _ = sender.send(outcome);
+            },
+        );
+        self.answer = Some(receiver);
+    }
+
+    /// Hands what was requested to `read`, after the device was waited for.
+    pub fn take<R>(
+        &mut self,
+        pass: &'static str,
+        bytes: usize,
+        read: impl FnOnce(&[u8]) -> R,
+    ) -> Result<R, EngineError> {
+        let label = self.label;
+        let failed = |reason: &str| EngineError::Gpu { pass, reason: format!("mapping {label}: {reason}") };
+        let answer = self.answer.take().ok_or_else(|| failed("nothing was requested"))?;
+        match answer.try_recv() {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(failed(format!("mapping {}: {error}", self.label))),
-            Err(_) => return Err(failed(format!("mapping {}: the device never answered", self.label))),
+            Ok(Err(error)) => return Err(failed(&error.to_string())),
+            Err(_) => return Err(failed("the device never answered")),
         }
-        let view =
-            slice.get_mapped_range().map_err(|error| failed(format!("mapping {}: {error}", self.label)))?;
+        let (buffer, _) = self.buffer.as_ref().ok_or_else(|| failed("it was freed"))?;
+        let view = buffer
+            .slice(..whole_words(bytes))
+            .get_mapped_range()
+            .map_err(|error| failed(&error.to_string()))?;
         let result = read(&view[..bytes]);
         drop(view);
         buffer.unmap();

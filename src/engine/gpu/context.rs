@@ -193,9 +193,20 @@ impl GpuContext {
 
     /// Waits until all submitted work is done; about a minute at most on GL.
     pub fn wait(&self, pass: &'static str) -> Result<(), EngineError> {
+        self.wait_for(pass, None)
+    }
+
+    /// Waits until a submission and all before it are done; `None`: all.
+    pub fn wait_for(
+        &self,
+        pass: &'static str,
+        submission: Option<&wgpu::SubmissionIndex>,
+    ) -> Result<(), EngineError> {
         let mut outcome = Err(wgpu::PollError::Timeout);
         for _ in 0..WAITS {
-            outcome = self.device.poll(wgpu::PollType::wait_indefinitely());
+            outcome = self
+                .device
+                .poll(wgpu::PollType::Wait { submission_index: submission.cloned(), timeout: None });
             if !matches!(outcome, Err(wgpu::PollError::Timeout)) {
                 break;
             }

@@ -2,14 +2,14 @@
 
 use super::{
     context::{Backend, GpuContext},
-    kernels::TABLE,
     passes::{merge_bracket::MergeBracket, project_sh::ProjectSh, unwrap_ball::UnwrapBall},
     point_pages::Spread,
-    recorder::Timer,
+    recorder::{Gpu, Timer},
     relight::{Relighter, ready},
 };
 use crate::{
-    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu,
+    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, Timings,
+    frame::{check_frame, check_light},
     hdr::merge_bracket,
     light::{
         maps::samples_of_map,
@@ -26,27 +26,16 @@ use crate::{
         scene::Scene,
     },
     nearfield::prepare::KnownRoom,
-    plan::{Foresight, FramePlan, Pass, PassTiming},
+    plan::{Foresight, FramePlan, Pass, PassSet, PassTiming},
 };
 use std::sync::Arc;
-
-/// What is done for each pixel of the picture.
-const PER_PIXEL: [Pass; 7] = [
-    Pass::SoftShadow,
-    Pass::Subtract,
-    Pass::SubtractDisplayed,
-    Pass::ShadeObject,
-    Pass::ShadeSurface,
-    Pass::Composite,
-    Pass::Tonemap,
-];
 
 /// The engine on wgpu. Kernels are compiled when they are first called for. What is too large for the device (many bind
 /// 128 MiB at once: 8 million pixels) is done by the twins, with the same result.
 pub struct GpuEngine {
-    context: GpuContext,
-    timer: Timer,
-    on_cpu: [bool; Pass::ALL.len()],
+    gpu: Gpu,
+    /// Passes that run on their twins.
+    on_cpu: PassSet,
     merge: Option<MergeBracket>,
     unwrap: Option<UnwrapBall>,
     project: Option<ProjectSh>,
@@ -61,11 +50,9 @@ impl GpuEngine {
     /// Opens a backend, or the first that works (Vulkan, then GL). Errors: `NoAdapter`.
     pub fn new(backend: Option<Backend>) -> Result<Self, EngineError> {
         let context = GpuContext::new(backend)?;
-        let timer = Timer::new(&context);
         Ok(Self {
-            context,
-            timer,
-            on_cpu: [false; Pass::ALL.len()],
+            gpu: Gpu::new(context, Timings::default()),
+            on_cpu: PassSet::default(),
             merge: None,
             unwrap: None,
             project: None,
@@ -79,15 +66,21 @@ impl GpuEngine {
 
     /// Runs exactly these kernels on their CPU twins. Errors: an unknown name, with the known ones.
     pub fn with_cpu_kernels(mut self, names: &[String]) -> Result<Self, EngineError> {
-        self.on_cpu = [false; Pass::ALL.len()];
+        self.on_cpu = PassSet::default();
         for name in names {
-            let known = TABLE.iter().find(|kernel| kernel.pass.name() == name).ok_or_else(|| {
-                let all: Vec<_> = TABLE.iter().map(|kernel| kernel.pass.name()).collect();
-                EngineError::Input(format!("kernel {name:?} on the CPU: known are {}", all.join(", ")))
+            let known = Pass::ALL.into_iter().find(|pass| pass.name() == name).ok_or_else(|| {
+                let all = Pass::NAMES.join(", ");
+                EngineError::Input(format!("kernel {name:?} on the CPU: known are {all}"))
             })?;
-            self.on_cpu[known.pass as usize] = true;
+            self.on_cpu.insert(known);
         }
         Ok(self)
+    }
+
+    /// Times passes like this.
+    pub fn with_timings(mut self, timings: Timings) -> Self {
+        self.gpu.timer = Timer::new(&self.gpu.context, timings);
+        self
     }
 
     /// Draws the near lights of a known room all together, or each in passes of its own.
@@ -98,27 +91,31 @@ impl GpuEngine {
 
     /// Where the work runs.
     pub fn context(&self) -> &GpuContext {
-        &self.context
+        &self.gpu.context
     }
 
-    fn on_cpu(&self, pass: Pass) -> bool {
-        self.on_cpu[pass as usize]
+    /// The passes that run on their twins in a frame: those that the caller asked for, and for a picture that the device
+    /// cannot hold all that are done for each pixel.
+    fn on_host(&self, input: &RelightInput<'_>) -> PassSet {
+        let background = &input.background.radiance;
+        let draws = self.gpu.context.draws(background.width(), background.height());
+        PassSet::where_true(|pass| self.on_cpu.has(pass) || !draws && pass.facts().per_pixel)
     }
 
     /// Whether the device takes a bracket in one piece: its pictures, or radiance and flags of the result.
     fn binds_bracket(&self, bracket: &Bracket<'_>) -> bool {
         let pixels = bracket.pictures.first().map_or(0, |p| p.pixels().len());
-        self.context.binds(pixels * (3 * bracket.pictures.len()).max(13) + 64)
+        self.gpu.context.binds(pixels * (3 * bracket.pictures.len()).max(13) + 64)
     }
 
     /// Projects samples to SH (kernel `light/project_sh`); the order is taken into 1..=6.
     pub fn project_sh(&mut self, samples: &RadianceSamples, order: usize) -> Result<RadianceSh, EngineError> {
-        if self.on_cpu(Pass::ProjectSh) || !self.context.binds(16 * samples.directions.len()) {
-            return Ok(self.timer.host(Pass::ProjectSh, || project_sh::project_sh(samples, order)));
+        if self.on_cpu.has(Pass::ProjectSh) || !self.gpu.context.binds(16 * samples.directions.len()) {
+            return Ok(self.gpu.timer.host(Pass::ProjectSh, || project_sh::project_sh(samples, order)));
         }
-        self.context.live.serve(Pass::ProjectSh);
-        let project = ready(&mut self.project, &self.context, ProjectSh::new)?;
-        project.run(&self.context, &mut self.timer, samples, order)
+        self.gpu.context.live.serve(Pass::ProjectSh);
+        let project = ready(&mut self.project, &self.gpu.context, ProjectSh::new)?;
+        project.run(&mut self.gpu, samples, order)
     }
 
     /// Reads a ball's radiance samples (kernel `light/unwrap_ball`); the host makes the rays and fills what the
@@ -128,32 +125,32 @@ impl GpuEngine {
         shot: &BallShot<'_>,
         out: &mut RadianceSamples,
     ) -> Result<LightFlags, EngineError> {
-        let (twin, timer) = (&mut self.unwrapper, &mut self.timer);
+        let twin = &mut self.unwrapper;
         let refused = |error: UnwrapError| EngineError::Input(error.to_string());
-        if self.on_cpu[Pass::UnwrapBall as usize] {
+        if self.on_cpu.has(Pass::UnwrapBall) {
             let unwrap = || twin.unwrap(shot, out);
-            return timer.host(Pass::UnwrapBall, unwrap).map_err(refused);
+            return self.gpu.timer.host(Pass::UnwrapBall, unwrap).map_err(refused);
         }
-        self.context.live.serve(Pass::UnwrapBall);
-        let kernel = ready(&mut self.unwrap, &self.context, UnwrapBall::new)?;
+        self.gpu.context.live.serve(Pass::UnwrapBall);
+        let kernel = ready(&mut self.unwrap, &self.gpu.context, UnwrapBall::new)?;
         let (view, cells) = (&mut self.ball_view, &mut self.cells);
         let prepare = || {
             shot.check()?;
             view.prepare(shot.lens, shot.world_from_camera, shot.ball)
         };
-        timer.host(Pass::UnwrapBall, prepare).map_err(refused)?;
-        kernel.run(&self.context, timer, view, shot.on_surface, cells)?;
+        self.gpu.timer.host(Pass::UnwrapBall, prepare).map_err(refused)?;
+        kernel.run(&mut self.gpu, view, shot.on_surface, cells)?;
         let finish = || twin.finish(view, cells, shot, out);
-        timer.host(Pass::UnwrapBall, finish).map_err(refused)
+        self.gpu.timer.host(Pass::UnwrapBall, finish).map_err(refused)
     }
 }
 
 impl Engine for GpuEngine {
     fn description(&self) -> String {
-        let twins: Vec<_> = Pass::ALL.into_iter().filter(|&pass| self.on_cpu(pass)).map(Pass::name).collect();
+        let twins: Vec<_> = self.on_cpu.iter().map(Pass::name).collect();
         let on_cpu =
             if twins.is_empty() { String::new() } else { format!(", on the CPU: {}", twins.join(", ")) };
-        format!("gpu: {}{on_cpu}", self.context.description())
+        format!("gpu: {}{on_cpu}", self.gpu.context.description())
     }
 
     fn load_room(&mut self, room: Option<Arc<KnownRoom>>) -> Result<(), EngineError> {
@@ -171,8 +168,9 @@ impl Engine for GpuEngine {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
-        if self.on_cpu(Pass::MergeBracket) || !self.binds_bracket(bracket) {
+        if self.on_cpu.has(Pass::MergeBracket) || !self.binds_bracket(bracket) {
             return self
+                .gpu
                 .timer
                 .host(Pass::MergeBracket, || {
                     merge_bracket::merge_bracket(bracket.pictures, bracket.exposures, response, out)
@@ -181,9 +179,9 @@ impl Engine for GpuEngine {
         }
         merge_bracket::check(bracket.pictures, bracket.exposures)
             .map_err(|error| EngineError::Input(error.to_string()))?;
-        self.context.live.serve(Pass::MergeBracket);
-        let merge = ready(&mut self.merge, &self.context, MergeBracket::new)?;
-        merge.run(&self.context, &mut self.timer, bracket, response, out)
+        self.gpu.context.live.serve(Pass::MergeBracket);
+        let merge = ready(&mut self.merge, &self.gpu.context, MergeBracket::new)?;
+        merge.run(&mut self.gpu, bracket, response, out)
     }
 
     fn estimate_light(
@@ -191,7 +189,7 @@ impl Engine for GpuEngine {
         job: &LightJob<'_>,
         quality: &Quality,
     ) -> Result<MeasuredLight, EngineError> {
-        cpu::check_light(job, quality)?;
+        check_light(job, quality)?;
         let mut samples = std::mem::take(&mut self.samples);
         let flags = match *job {
             LightJob::Ball(shot) => self.unwrap_ball(&shot, &mut samples),
@@ -215,10 +213,26 @@ impl Engine for GpuEngine {
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError> {
-        let background = &input.background.radiance;
-        let draws = self.context.draws(background.width(), background.height());
-        let on_cpu = |pass: Pass| self.on_cpu[pass as usize] || !draws && PER_PIXEL.contains(&pass);
-        self.relighter.run(&self.context, &mut self.timer, on_cpu, plan, input, out)
+        let on_host = self.on_host(input);
+        self.relighter.relight(&mut self.gpu, on_host, plan, input, out)
+    }
+
+    fn relight_ahead(
+        &mut self,
+        plan: &FramePlan,
+        input: &RelightInput<'_>,
+        out: &mut Picture,
+    ) -> Result<bool, EngineError> {
+        let on_host = self.on_host(input);
+        self.relighter.relight_ahead(&mut self.gpu, on_host, plan, input, out)
+    }
+
+    fn take_waiting(&mut self, out: &mut Picture) -> Result<bool, EngineError> {
+        self.relighter.take_waiting(&mut self.gpu, out)
+    }
+
+    fn ask_for_linear(&mut self, wanted: bool) {
+        self.relighter.wants_linear = wanted;
     }
 
     fn foresee(
@@ -227,14 +241,14 @@ impl Engine for GpuEngine {
         quality: &Quality,
         out: &mut Foresight,
     ) -> Result<(), EngineError> {
-        cpu::check_frame(quality, input)?;
-        let timer = &mut self.timer;
+        check_frame(quality, input)?;
+        let timer = &mut self.gpu.timer;
         self.relighter.foresee(input, quality, out, &mut |pass, part| timer.host(pass, part));
         Ok(())
     }
 
     fn live(&self, out: &mut Vec<Live>) {
-        self.context.live.list(out);
+        self.gpu.context.live.list(out);
     }
 
     fn dispatched(&self) -> &[Pass] {
@@ -243,6 +257,6 @@ impl Engine for GpuEngine {
 
     fn take_timings(&mut self, out: &mut Vec<PassTiming>) {
         out.clear();
-        self.timer.take(out);
+        self.gpu.timer.take(out);
     }
 }

@@ -23,14 +23,14 @@ type Box3 = (Vec3, Vec3);
 
 /// A part of the picture, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Part {
+pub struct PicturePart {
     /// First column and first row.
     pub origin: [u32; 2],
     /// Columns and rows.
     pub size: [u32; 2],
 }
 
-impl Part {
+impl PicturePart {
     /// All of a picture.
     pub const fn whole(width: u32, height: u32) -> Self {
         Self { origin: [0, 0], size: [width, height] }
@@ -85,11 +85,11 @@ impl Extents {
     }
 
     /// A part of the picture that holds all of the objects that it shows; the whole of it where that cannot be told.
-    pub fn objects_seen(&self, lens: &Lens, view: &View) -> Part {
+    pub fn objects_seen(&self, lens: &Lens, view: &View) -> PicturePart {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for of_object in &self.objects {
             let Some((from, to)) = seen(*of_object, lens, view) else {
-                return Part::whole(lens.width, lens.height);
+                return PicturePart::whole(lens.width, lens.height);
             };
             (low, high) = (low.min(from), high.max(to));
         }
@@ -97,7 +97,7 @@ impl Extents {
         let low = (low - MARGIN_PX).floor().clamp(DVec2::ZERO, picture);
         let high = (high + MARGIN_PX).ceil().clamp(low, picture);
         let size = high - low;
-        Part { origin: [low.x as u32, low.y as u32], size: [size.x as u32, size.y as u32] }
+        PicturePart { origin: [low.x as u32, low.y as u32], size: [size.x as u32, size.y as u32] }
     }
 }
 
@@ -157,15 +157,15 @@ mod tests {
     #[test]
     fn memory_is_kept_while_it_fits() {
         let whole = [640, 480];
-        let part = Part { origin: [600, 10], size: [40, 100] };
+        let part = PicturePart { origin: [600, 10], size: [40, 100] };
         let fresh = part.kept_from([0, 0], whole);
-        assert_eq!(fresh, Part { origin: [576, 10], size: [64, 128] });
+        assert_eq!(fresh, PicturePart { origin: [576, 10], size: [64, 128] });
         assert_eq!(part.kept_from([128, 256], whole).size, [128, 256]);
         assert_eq!(part.kept_from([192, 256], whole).size, [64, 128], "six times the pixels");
         assert_eq!(part.kept_from([64, 64], whole).size, [64, 128], "too few rows");
-        let all = Part::whole(640, 480);
+        let all = PicturePart::whole(640, 480);
         assert_eq!(all.kept_from([64, 64], whole), all);
-        assert_eq!(Part::default().kept_from([0, 0], [30, 20]), Part::whole(30, 20));
+        assert_eq!(PicturePart::default().kept_from([0, 0], [30, 20]), PicturePart::whole(30, 20));
     }
 
     proptest! {

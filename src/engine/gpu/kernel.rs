@@ -7,12 +7,23 @@ use crate::{EngineError, plan::Pass};
 
 /// One WGSL file.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+pub struct ShaderSource {
     /// Path from the project's root.
     pub path: &'static str,
     /// Its text, built in.
     pub text: &'static str,
 }
+
+/// A file of `shaders/`, by its path there without the ending.
+macro_rules! source {
+    ($path:literal) => {
+        $crate::gpu::kernel::ShaderSource {
+            path: concat!("shaders/", $path, ".wgsl"),
+            text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $path, ".wgsl")),
+        }
+    };
+}
+pub(crate) use source;
 
 /// What is bound in one place of bind group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +66,7 @@ pub struct Kernel {
     /// Its pass; the pass's name is the stem of shader and twin.
     pub pass: Pass,
     /// Shared functions first, the kernel's own file last.
-    pub sources: &'static [Source],
+    pub sources: &'static [ShaderSource],
     /// All entry points.
     pub entries: &'static [&'static str],
     /// Bind group 0.
@@ -70,22 +81,8 @@ impl Kernel {
         self.sources.iter().flat_map(|source| [source.text, "\n"]).collect()
     }
 
-    /// Whether it draws (has vertex and fragment stages) rather than computes.
-    pub const fn draws(&self) -> bool {
-        matches!(
-            self.pass,
-            Pass::ShadowMaps
-                | Pass::SoftShadow
-                | Pass::PointMaps
-                | Pass::Subtract
-                | Pass::SubtractDisplayed
-                | Pass::ShadeObject
-                | Pass::ShadeSurface
-        )
-    }
-
     fn visibility(&self, kind: BindingKind) -> wgpu::ShaderStages {
-        match (self.draws(), kind) {
+        match (self.pass.draws_triangles(), kind) {
             (false, _) => wgpu::ShaderStages::COMPUTE,
             (true, BindingKind::Uniform | BindingKind::UniformAtOffset) => {
                 wgpu::ShaderStages::VERTEX_FRAGMENT

@@ -10,16 +10,6 @@ use std::sync::{
     atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-/// Passes that draw the scene's meshes.
-const DRAWING: PassSet = PassSet::of(&[
-    Pass::ShadowMaps,
-    Pass::SoftShadow,
-    Pass::PointMaps,
-    Pass::Subtract,
-    Pass::SubtractDisplayed,
-    Pass::ShadeObject,
-    Pass::ShadeSurface,
-]);
 /// Stand for no pass, and for all that draw the scene.
 const NONE: usize = Pass::ALL.len();
 const SCENE: usize = NONE + 1;
@@ -111,7 +101,7 @@ impl LiveList {
 
     /// Frees all that was made for drawing passes that a frame does not use. What was made for measuring stays.
     pub fn free_all_but(&self, uses: PassSet) {
-        let draws = uses.meet(DRAWING) != PassSet::default();
+        let draws = uses.iter().any(Pass::draws_scene);
         let is_called_for = |owner: usize| match Pass::ALL.get(owner) {
             Some(pass) => pass.is_measuring() || uses.has(*pass),
             None => owner != SCENE || draws,

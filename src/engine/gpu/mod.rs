@@ -2,24 +2,26 @@
 
 mod buffers;
 pub mod context;
+mod device_scene;
 mod exchange;
 mod extents;
 pub mod kernel;
-pub mod kernels;
 pub mod live;
 mod params;
 mod passes;
 mod point_pages;
 mod recorder;
 mod relight;
+mod room_lights;
 mod room_mesh;
 mod scene;
 mod surroundings;
 mod textures;
-pub(super) mod view;
+mod view;
 
 mod engine;
 
 pub use context::Backend;
 pub use engine::GpuEngine;
+pub use passes::TABLE;
 pub use point_pages::Spread;

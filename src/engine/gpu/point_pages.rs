@@ -1,9 +1,13 @@
 //! The maps of near lights on the device: tiles of pages, so that many lights are drawn in one pass. Light k is tile
 //! `k % maps_a_page` of page `k / maps_a_page`; its views are squares of the tile.
 
-use super::{context::GpuContext, exchange::SHADOW_MAP_FORMAT, kernel::Resource, textures::KeptLayers};
+use super::{
+    buffers::GrowingBuffer, context::GpuContext, exchange::SHADOW_MAP_FORMAT, kernel::Resource, params,
+    textures::KeptLayers, view,
+};
 use crate::{
     EngineError,
+    nearfield::frame::NearFrame,
     plan::Pass,
     visibility::point_maps::{PointCamera, PointMaps},
 };
@@ -22,9 +26,13 @@ pub enum Spread {
     Each,
 }
 
-/// The pages.
+/// The pages, and the cameras and places of the lights whose maps they hold.
 pub struct PointPages {
     layers: KeptLayers,
+    cameras: GrowingBuffer,
+    lights: GrowingBuffer,
+    camera_terms: Box<params::PointCameras>,
+    light_terms: Box<params::PointLights>,
     spread: Spread,
     tiles: u32,
     texels: u32,
@@ -32,9 +40,33 @@ pub struct PointPages {
 
 impl PointPages {
     /// None yet.
-    pub const fn new() -> Self {
-        let layers = KeptLayers::result("near maps", SHADOW_MAP_FORMAT);
-        Self { layers, spread: Spread::Together, tiles: 1, texels: 1 }
+    pub fn new() -> Self {
+        Self {
+            layers: KeptLayers::result("near maps", SHADOW_MAP_FORMAT),
+            cameras: GrowingBuffer::uniform("near cameras"),
+            lights: GrowingBuffer::uniform("near lights"),
+            camera_terms: bytemuck::zeroed_box(),
+            light_terms: bytemuck::zeroed_box(),
+            spread: Spread::Together,
+            tiles: 1,
+            texels: 1,
+        }
+    }
+
+    /// Uploads the cameras and places of a frame's lights, to bind.
+    pub fn write_terms(&mut self, context: &GpuContext, frame: &NearFrame) -> [Resource; 2] {
+        view::near_cameras(frame.maps().cameras(), &mut self.camera_terms);
+        let spread = [self.tiles, self.maps_a_page() as u32, self.texels];
+        view::near_lights(frame, spread, &mut self.light_terms);
+        [
+            self.cameras.write(context, bytemuck::bytes_of(&*self.camera_terms)),
+            self.lights.write(context, bytemuck::bytes_of(&*self.light_terms)),
+        ]
+    }
+
+    /// Places a side of each light, as of the last [`PointPages::write_terms`].
+    pub fn places(&self) -> u32 {
+        self.light_terms.tiles_maps_texels_side[3]
     }
 
     /// Makes room for a map for each camera; what the pages held is lost where they have to grow.

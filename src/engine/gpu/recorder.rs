@@ -1,11 +1,11 @@
-//! Records passes and times each: by timestamp queries at the ends of passes where the device has them, else
-//! by fenced wall time (each pass submitted and awaited on its own).
+//! Records passes and times each: not at all, by timestamp queries at the ends of passes where the device has them, or,
+//! where it has none and the caller insists, by fenced wall time (each pass submitted and awaited on its own).
 
 use std::time::Instant;
 
 use super::{buffers::Readback, context::GpuContext};
 use crate::{
-    EngineError,
+    EngineError, Timings,
     plan::{Pass, PassTiming},
 };
 
@@ -13,23 +13,33 @@ use crate::{
 const SPANS: u32 = 128;
 const STAMP_BYTES: u64 = 8;
 
-struct Queries {
+/// A device, and how long passes took on it.
+pub struct Gpu {
+    /// The device.
+    pub context: GpuContext,
+    /// The times.
+    pub timer: Timer,
+}
+
+struct TimestampQueries {
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
-    readback: Readback,
 }
 
 /// Measures passes over the life of an engine.
 pub struct Timer {
-    queries: Option<Queries>,
+    timings: Timings,
+    /// Where the device has them, and they are wanted.
+    queries: Option<TimestampQueries>,
     spans: Vec<Pass>,
     done: Vec<PassTiming>,
 }
 
 impl Timer {
-    /// Uses timestamp queries where the context has them.
-    pub fn new(context: &GpuContext) -> Self {
-        let queries = context.has_timestamps().then(|| Queries {
+    /// Times as asked for, as far as the device can.
+    pub fn new(context: &GpuContext, timings: Timings) -> Self {
+        let is_wanted = timings != Timings::Off && context.has_timestamps();
+        let queries = is_wanted.then(|| TimestampQueries {
             set: context.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("pass times"),
                 ty: wgpu::QueryType::Timestamp,
@@ -41,12 +51,11 @@ impl Timer {
                 usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             }),
-            readback: Readback::new("pass times"),
         });
-        Self { queries, spans: Vec::new(), done: Vec::new() }
+        Self { timings, queries, spans: Vec::new(), done: Vec::new() }
     }
 
-    /// Adds the time of work that ran on the host.
+    /// Adds the time of work that is done.
     pub fn add(&mut self, pass: Pass, ms: f32) {
         match self.done.last_mut() {
             Some(last) if last.pass == pass => last.ms += ms,
@@ -56,6 +65,9 @@ impl Timer {
 
     /// Runs a pass on the host and adds its time.
     pub fn host<R>(&mut self, pass: Pass, work: impl FnOnce() -> R) -> R {
+        if self.timings == Timings::Off {
+            return work();
+        }
         let start = now();
         let result = work();
         self.add(pass, milliseconds_since(start));
@@ -67,6 +79,11 @@ impl Timer {
         out.append(&mut self.done);
     }
 
+    /// Whether each pass is awaited to be timed.
+    fn fences(&self) -> bool {
+        self.timings == Timings::Fenced && self.queries.is_none()
+    }
+
     /// The next span's place in the query set, while there is one.
     fn span(&mut self, pass: Pass) -> Option<(&wgpu::QuerySet, u32)> {
         let first = 2 * self.spans.len() as u32;
@@ -75,20 +92,41 @@ impl Timer {
         Some((&queries.set, first))
     }
 
-    fn collect(&mut self, context: &GpuContext) -> Result<(), EngineError> {
-        let spans = std::mem::take(&mut self.spans);
-        let Some(queries) = self.queries.as_mut().filter(|_| !spans.is_empty()) else { return Ok(()) };
-        let ns = f64::from(context.queue.get_timestamp_period());
-        let bytes = 2 * spans.len() * STAMP_BYTES as usize;
-        let stamps: Vec<u64> =
-            queries.readback.read(context, "pass times", bytes, bytemuck::pod_collect_to_vec)?;
-        for (pass, pair) in spans.iter().zip(stamps.chunks_exact(2)) {
-            self.add(*pass, (pair[1].saturating_sub(pair[0]) as f64 * ns * 1e-6) as f32);
+    /// Books the times of work that is done, in the order of the passes.
+    pub fn collect(
+        &mut self,
+        context: &GpuContext,
+        work: SentWork,
+        stamps: &mut Readback,
+    ) -> Result<(), EngineError> {
+        if !work.spans.is_empty() && self.queries.is_some() {
+            let ns = f64::from(context.queue.get_timestamp_period());
+            let bytes = 2 * work.spans.len() * STAMP_BYTES as usize;
+            let stamps: Vec<u64> = stamps.take("pass times", bytes, bytemuck::pod_collect_to_vec)?;
+            for (pass, pair) in work.spans.iter().zip(stamps.chunks_exact(2)) {
+                self.add(*pass, (pair[1].saturating_sub(pair[0]) as f64 * ns * 1e-6) as f32);
+            }
         }
-        self.spans = spans;
-        self.spans.clear();
+        // Times may have been taken away since, or those of another frame may stand between.
+        if let Some(of_frame) = self.done.get_mut(work.booked..) {
+            of_frame.sort_by_key(|timing| timing.pass);
+        }
+        let mut spans = work.spans;
+        spans.clear();
+        if self.spans.capacity() < spans.capacity() && self.spans.is_empty() {
+            self.spans = spans;
+        }
         Ok(())
     }
+}
+
+/// Work that was sent to the device.
+pub struct SentWork {
+    /// For [`GpuContext::wait_for`].
+    pub index: wgpu::SubmissionIndex,
+    spans: Vec<Pass>,
+    /// Times booked before.
+    booked: usize,
 }
 
 /// One batch of work for the device.
@@ -113,6 +151,7 @@ impl<'a> Recorder<'a> {
     /// Starts a batch.
     pub fn new(context: &'a GpuContext, timer: &'a mut Timer) -> Self {
         let booked = timer.done.len();
+        timer.spans.clear();
         Self { context, encoder: encoder(context), timer, booked }
     }
 
@@ -188,25 +227,27 @@ impl<'a> Recorder<'a> {
         self.context.queue.submit([encoder.finish()]);
     }
 
-    /// Sends everything, waits, and books the times, in the order of the passes.
-    pub fn finish(mut self, pass: Pass) -> Result<(), EngineError> {
-        let stamps = 2 * self.timer.spans.len() as u32;
-        if let Some(queries) = self.timer.queries.as_mut().filter(|_| stamps > 0) {
-            let bytes = u64::from(stamps) * STAMP_BYTES;
-            self.encoder.resolve_query_set(&queries.set, 0..stamps, &queries.resolved, 0);
-            let target = queries.readback.at_least(self.context, bytes as usize);
+    /// Sends everything; `stamps` takes the times of passes on their way to the host.
+    pub fn send(mut self, stamps: &mut Readback) -> SentWork {
+        let spans = std::mem::take(&mut self.timer.spans);
+        let bytes = 2 * spans.len() as u64 * STAMP_BYTES;
+        let queries = self.timer.queries.as_ref().filter(|_| !spans.is_empty());
+        if let Some(queries) = queries {
+            let count = 2 * spans.len() as u32;
+            self.encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
+            let target = stamps.at_least(self.context, bytes as usize);
             self.encoder.copy_buffer_to_buffer(&queries.resolved, 0, target, 0, bytes);
         }
-        self.submit();
-        self.context.wait(pass.name())?;
-        self.timer.collect(self.context)?;
-        self.timer.done[self.booked..].sort_by_key(|timing| timing.pass);
-        Ok(())
+        let index = self.context.queue.submit([self.encoder.finish()]);
+        if queries.is_some() {
+            stamps.request(self.context, bytes as usize);
+        }
+        SentWork { index, spans, booked: self.booked }
     }
 
-    /// Without timestamps: waits for all earlier work, and gives the time.
+    /// Where passes are fenced: waits for all earlier work, and gives the time.
     fn fence(&mut self, pass: Pass) -> Result<Option<Instant>, EngineError> {
-        if self.timer.queries.is_some() {
+        if !self.timer.fences() {
             return Ok(None);
         }
         self.submit();
@@ -220,6 +261,20 @@ impl<'a> Recorder<'a> {
         self.context.wait(pass.name())?;
         self.timer.add(pass, milliseconds_since(start));
         Ok(())
+    }
+}
+
+impl Gpu {
+    /// Opens the times of a device.
+    pub fn new(context: GpuContext, timings: Timings) -> Self {
+        let timer = Timer::new(&context, timings);
+        Self { context, timer }
+    }
+
+    /// Waits for a batch of its own, and books its times.
+    pub fn finish(&mut self, work: SentWork, stamps: &mut Readback, pass: Pass) -> Result<(), EngineError> {
+        self.context.wait_for(pass.name(), Some(&work.index))?;
+        self.timer.collect(&self.context, work, stamps)
     }
 }
 

@@ -164,7 +164,7 @@ impl SceneBuffers {
     }
 
     /// The next `update` uploads these vertices of the objects; materials, triangles and surfaces stay.
-    pub fn moved(&mut self, vertices: Range<usize>) {
+    pub fn note_moved(&mut self, vertices: Range<usize>) {
         if !self.moved.contains(&vertices) {
             self.moved.push(vertices);
         }

@@ -6,7 +6,7 @@ use super::{params, scene::Cut};
 use crate::{
     compose::{raster, shade_object},
     math::lens::{Distortion, Lens},
-    model::{light::MAX_HARD_LIGHTS, response::Response},
+    model::light::MAX_HARD_LIGHTS,
     nearfield::{frame::NearFrame, sun_shadows::SunShadows},
     visibility::{point_maps, shadow_maps},
 };
@@ -245,12 +245,6 @@ pub fn room_cameras(suns: &SunShadows) -> params::ShadowCameras {
     all
 }
 
-/// What brings the camera's white, at the shown exposure, to 1: objects are kept as 16-bit floats.
-pub fn exposure_of_white(response: &Response, effective_s: f64) -> f32 {
-    let white = response.log_exposure().iter().map(|g| f64::from(g[255])).fold(f64::MIN, f64::max).exp();
-    (effective_s / white).clamp(1e-30, 1e30) as f32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,11 +276,5 @@ mod tests {
         let (weak, strong) = (edge(-0.01), edge(-0.25));
         // The bow is proportional to k1, the edge to its root.
         assert!(strong < 0.04 && weak > 4.0 * strong && weak < 7.0 * strong, "{weak} {strong}");
-    }
-
-    #[test]
-    fn white_becomes_one() {
-        let srgb = Response::srgb();
-        assert!((exposure_of_white(&srgb, 0.02) - 0.02).abs() < 1e-9);
     }
 }

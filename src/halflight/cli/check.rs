@@ -28,9 +28,9 @@ pub fn run(arguments: CheckArguments, global: &GlobalOptions) -> Result<(), CliE
         print!("{}", manual::manual());
     }
     let Some(path) = arguments.config else { return Ok(()) };
-    let table = file::read(&path).map_err(CliError)?;
-    let typed = file::flatten(&table).len();
-    resolve(&path.display().to_string(), &table, &Settings::default())?;
+    let read = file::read(&path).map_err(CliError)?;
+    let typed = read.keys.len();
+    resolve(&path.display().to_string(), &read, &Settings::default())?;
     if global.json {
         println!(
             "{}",

@@ -4,14 +4,16 @@ use super::progress::host;
 use super::{CliError, GlobalOptions, quality_flags::QualityFlags, render::is_scene_file};
 use crate::assets::scene;
 use crate::config::{Settings, settings::RunMode};
-use crate::daemon::run::{prepare, run as run_prepared};
-use crate::device::Truth;
+use crate::daemon::{prepare::prepare, run::run as run_prepared};
 use crate::lab::{
     case::{self, CaseStills, default_image},
     still::of_scene,
 };
-use crate::model::{frame::RawFrame, picture::Picture};
-use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome, frame::Shown};
+use crate::pipeline::{
+    PipelineError,
+    frame::Shown,
+    turns::{FinishedFrame, FrameSink},
+};
 use crate::plan::{Decision, FramePlan};
 use std::path::PathBuf;
 
@@ -104,7 +106,7 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
     }
     let prepared = prepare(&settings, &host())?;
     let mut last = LastShown::default();
-    let ran = run_prepared(prepared, &settings, None, &mut last)?;
+    let ran = run_prepared(prepared, &settings, &mut last)?;
     let Some(shown) = last.shown else { return Err(CliError::on(&name, "holds no frames")) };
     if let Some(wanted) = arguments.frame.filter(|&wanted| wanted >= ran.counts.frames) {
         return Err(CliError(format!(
@@ -123,14 +125,8 @@ struct LastShown {
 }
 
 impl FrameSink for LastShown {
-    fn accept(
-        &mut self,
-        _raw: &RawFrame,
-        _truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        _picture: &Picture,
-    ) -> Result<bool, PipelineError> {
-        self.shown = Some(outcome.shown);
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        self.shown = Some(finished.outcome.shown);
         Ok(true)
     }
 }

@@ -6,7 +6,7 @@ use crate::config::{
     settings::{BackendKind, EngineKind},
 };
 use crate::daemon::engines;
-use crate::engine::Engine;
+use crate::engine::{Engine, Timings};
 use std::path::Path;
 
 /// Options of every verb.
@@ -92,6 +92,7 @@ impl GlobalOptions {
     /// There is no such engine here; a kernel that does not exist.
     pub fn open_engine(&self) -> Result<Box<dyn Engine>, CliError> {
         let settings = self.settings(None)?;
-        Ok(engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?)
+        let (engine, backend, kernels) = (settings.engine, settings.backend, &settings.cpu_kernels);
+        Ok(engines::open(engine, backend, settings.threads, kernels, Timings::Fenced)?)
     }
 }

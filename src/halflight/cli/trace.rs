@@ -16,7 +16,7 @@ use crate::model::{
     image::{Image, RadianceImage, Rgb8Image},
     quality::Quality,
 };
-use crate::reference::{TraceNoise, SHADOW_BELOW, TraceError, TraceScene, TraceSettings, Traced, Tracer};
+use crate::reference::{SHADOW_BELOW, TraceError, TraceNoise, TraceScene, TraceSettings, Traced, Tracer};
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},

@@ -10,6 +10,7 @@ use crate::model::{
     picture::PictureView,
     quality::{Effects, NearForm, SelfShadow, SoftAt, SplitKind},
 };
+use crate::plan::Pass;
 use toml::Value;
 
 /// One key.
@@ -27,21 +28,6 @@ pub struct Key {
     /// Writes an admitted value into settings.
     pub write: fn(&mut Settings, &Value),
 }
-
-const KERNELS: &[&str] = &[
-    "hdr/merge_bracket",
-    "light/unwrap_ball",
-    "light/project_sh",
-    "visibility/shadow_maps",
-    "compose/soft_shadow",
-    "visibility/point_maps",
-    "nearfield/subtract",
-    "nearfield/subtract_displayed",
-    "compose/shade_object",
-    "compose/shade_surface",
-    "compose/composite",
-    "compose/tonemap",
-];
 
 fn integer(value: &Value) -> i64 {
     value.as_integer().unwrap_or_default()
@@ -172,7 +158,7 @@ pub const KEYS: &[Key] = &[
     key!(
         "engine.cpu_kernels",
         "",
-        Range::Words(KERNELS),
+        Range::Words(&Pass::NAMES),
         "Kernels that run on their CPU twin although the engine is the GPU: finds GPU bugs.",
         |s| texts(&s.cpu_kernels),
         |s, v| s.cpu_kernels = v.as_array().into_iter().flatten().map(text).collect()
@@ -192,6 +178,14 @@ pub const KEYS: &[Key] = &[
         "Blur before tags are searched; helps in noise.",
         |s| Value::Float(s.quad_sigma_px),
         |s, v| s.quad_sigma_px = number(v)
+    ),
+    key!(
+        "track.search_ahead",
+        "",
+        Range::Switch,
+        "Tags are looked for in the next frame while the one before it is drawn; pictures are the same.",
+        |s| Value::Boolean(s.search_ahead),
+        |s, v| s.search_ahead = v.as_bool().unwrap_or(true)
     ),
     key!(
         "light.order",

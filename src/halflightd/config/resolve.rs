@@ -1,58 +1,70 @@
 //! From settings as typed to settings as meant: all mistakes at once, bad never replaces good.
 
 use super::{
-    file,
+    file::{TypedKey, TypedSettings},
     keys::{KEYS, Key},
     presets,
     settings::Settings,
 };
 use crate::assets::near_word::nearest;
-use toml::Table;
 
 /// Every mistake in one file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", .0.join("\n"))]
 pub struct ConfigErrors(pub Vec<String>);
 
-/// Applies what was typed to `base`. `name` is the file's name in messages. On any mistake nothing is applied.
-pub fn resolve(name: &str, typed: &Table, base: &Settings) -> Result<Settings, ConfigErrors> {
+/// Applies what was typed to `base`. `name` is the file's name in messages, which point to the line and column. On any
+/// mistake nothing is applied.
+pub fn resolve(name: &str, typed: &TypedSettings, base: &Settings) -> Result<Settings, ConfigErrors> {
     let mut settings = base.clone();
     let mut errors = Vec::new();
     // A preset is the ground that single keys are typed over.
-    let of = |key: &str| {
-        file::flatten(typed).into_iter().find(|(name, _)| name == key).and_then(|(_, v)| v.as_str())
-    };
-    if let Some(preset) = of("quality.preset").filter(|p| presets::PRESET_NAMES.contains(p)) {
-        let front = of("quality.front").unwrap_or(&base.front);
+    let of = |name: &str| typed.keys.iter().find(|key| key.name == name);
+    let word_of = |name: &str| of(name).and_then(|key| key.value.as_str());
+    if let (Some(key), Some(preset)) = (of("quality.preset"), word_of("quality.preset"))
+        && presets::PRESET_NAMES.contains(&preset)
+    {
+        let front = word_of("quality.front").unwrap_or(&base.front);
         if let Err(error) = presets::apply(preset, front, &mut settings) {
-            errors.push(format!("{name}: quality.preset = \"{preset}\": {error}"));
+            errors.push(format!("{}: quality.preset = \"{preset}\": {error}", placed(name, key)));
         }
     }
-    for (key_name, value) in file::flatten(typed) {
-        match KEYS.iter().find(|key| key.name == key_name) {
-            Some(key) if key.range.admits(value) => (key.write)(&mut settings, value),
-            Some(key) => errors.push(out_of_range(name, key, value)),
-            None => errors.push(unknown(name, &key_name, value)),
+    for key in &typed.keys {
+        match KEYS.iter().find(|known| known.name == key.name) {
+            Some(known) if known.range.admits(&key.value) => (known.write)(&mut settings, &key.value),
+            Some(known) => errors.push(out_of_range(name, known, key)),
+            None => errors.push(unknown(name, key)),
         }
     }
     if errors.is_empty() { Ok(settings) } else { Err(ConfigErrors(errors)) }
 }
 
-fn out_of_range(name: &str, key: &Key, value: &toml::Value) -> String {
-    let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
-    format!("{name}: {} = {value}: must be {}{unit}", key.name, key.range.describe())
+/// `file:line:column`, as compilers say it.
+fn placed(name: &str, key: &TypedKey) -> String {
+    match key.place {
+        Some([line, column]) => format!("{name}:{line}:{column}"),
+        None => name.to_owned(),
+    }
 }
 
-fn unknown(name: &str, key: &str, value: &toml::Value) -> String {
+fn out_of_range(name: &str, known: &Key, key: &TypedKey) -> String {
+    let unit = if known.unit.is_empty() { String::new() } else { format!(" {}", known.unit) };
+    let (place, value) = (placed(name, key), &key.value);
+    format!("{place}: {} = {value}: must be {}{unit}", known.name, known.range.describe())
+}
+
+fn unknown(name: &str, key: &TypedKey) -> String {
     let names: Vec<&str> = KEYS.iter().map(|k| k.name).collect();
-    match nearest(key, &names) {
-        Some(found) => format!("{name}: {key} = {value}: no such key; did you mean {found}?"),
-        None => format!("{name}: {key} = {value}: no such key; config/default.toml lists all"),
+    let said = format!("{}: {} = {}: no such key", placed(name, key), key.name, key.value);
+    match nearest(&key.name, &names) {
+        Some(found) => format!("{said}; did you mean {found}?"),
+        None => format!("{said}; config/default.toml lists all"),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::file;
     use super::*;
 
     fn resolve_text(text: &str) -> Result<Settings, ConfigErrors> {
@@ -66,12 +78,20 @@ mod tests {
                 .unwrap_err();
         assert_eq!(errors.0.len(), 3);
         let all = errors.to_string();
-        assert!(all.contains("quality.pcf_tap = 4: no such key; did you mean quality.pcf_taps?"), "{all}");
         assert!(
-            all.contains("quality.shadow_map_texels = 9999: must be an integer within 64..=4096 texels"),
+            all.contains("test.toml:2:11: quality.pcf_tap = 4: no such key; did you mean quality.pcf_taps?"),
             "{all}"
         );
-        assert!(all.contains("light.order = \"four\": must be an integer within 2..=6"), "{all}");
+        assert!(
+            all.contains(
+                "test.toml:3:21: quality.shadow_map_texels = 9999: must be an integer within 64..=4096 texels"
+            ),
+            "{all}"
+        );
+        assert!(
+            all.contains("test.toml:5:9: light.order = \"four\": must be an integer within 2..=6"),
+            "{all}"
+        );
     }
 
     #[test]
@@ -84,9 +104,9 @@ mod tests {
             (key.write)(&mut copy, &value);
             assert_eq!(copy, defaults, "{}", key.name);
         }
-        let table = file::parse(&super::super::manual::manual()).unwrap();
-        assert_eq!(file::flatten(&table).len(), KEYS.len());
-        assert_eq!(resolve("manual", &table, &defaults).unwrap(), defaults);
+        let typed = file::parse(&super::super::manual::manual()).unwrap();
+        assert_eq!(typed.keys.len(), KEYS.len());
+        assert_eq!(resolve("manual", &typed, &defaults).unwrap(), defaults);
     }
 
     #[test]

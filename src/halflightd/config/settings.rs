@@ -29,6 +29,8 @@ pub struct Settings {
     pub decimate: u32,
     /// `track.quad_sigma_px`
     pub quad_sigma_px: f64,
+    /// `track.search_ahead`
+    pub search_ahead: bool,
     /// `light.threshold`
     pub light_threshold: f64,
     /// `light.gray`
@@ -114,6 +116,7 @@ impl Default for Settings {
             cpu_kernels: Vec::new(),
             decimate: 2,
             quad_sigma_px: 0.8,
+            search_ahead: true,
             light_threshold: 1e-3,
             gray: GrayWeights::Rec601,
             filter_tau_s: 0.2,

@@ -1,12 +1,17 @@
-//! Layer 5: wiring. From settings to a running pipeline.
+//! Layer 7: wiring. From settings to a running pipeline.
 
 pub mod blocker_spheres;
 pub mod cache_folder;
+pub mod dress;
 pub mod engines;
 mod governing;
 pub mod host;
 pub mod known_room;
-pub mod live_settings;
 pub mod picture_folder;
+pub mod prepare;
 pub mod run;
+pub mod settings_thread;
+pub mod stop_signals;
 pub mod vertex_transfer;
+pub mod watchdog;
+pub mod watcher;

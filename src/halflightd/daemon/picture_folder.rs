@@ -1,43 +1,56 @@
 //! A display that is a folder: every shown picture as PNG.
 
 use crate::assets::pictures;
-use crate::device::Truth;
-use crate::model::{frame::RawFrame, picture::Picture};
-use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
+use crate::model::picture::Picture;
+use crate::pipeline::{
+    PipelineError,
+    turns::{FinishedFrame, FrameSink},
+};
 use std::path::PathBuf;
 
 /// Writes `frame_000123.png` for every shown picture; without a folder, nothing.
 pub struct PictureFolder {
     folder: Option<PathBuf>,
+    /// Pictures in a row that could not be written.
+    failures: u64,
 }
 
 impl PictureFolder {
     /// Makes the folder; an empty name means none.
     pub fn new(name: &str) -> Result<Self, PipelineError> {
         if name.is_empty() {
-            return Ok(Self { folder: None });
+            return Ok(Self { folder: None, failures: 0 });
         }
         let folder = PathBuf::from(name);
         std::fs::create_dir_all(&folder).map_err(|e| {
             PipelineError::Output(format!("output.pictures = \"{name}\": cannot be made: {e}"))
         })?;
-        Ok(Self { folder: Some(folder) })
+        Ok(Self { folder: Some(folder), failures: 0 })
     }
 }
 
 impl FrameSink for PictureFolder {
-    fn accept(
-        &mut self,
-        raw: &RawFrame,
-        _truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        picture: &Picture,
-    ) -> Result<bool, PipelineError> {
-        tracing::debug!(sequence = raw.sequence, shown = ?outcome.shown, "frame");
+    /// A disk that is full may have room again: what cannot be written is left out.
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        let sequence = finished.raw.sequence;
+        tracing::debug!(sequence, shown = ?finished.outcome.shown, "frame");
         if let Some(folder) = &self.folder {
-            let path = folder.join(format!("frame_{:06}.png", raw.sequence));
-            pictures::save_png(&path, &picture.display).map_err(|e| PipelineError::Output(e.to_string()))?;
+            let path = folder.join(format!("frame_{sequence:06}.png"));
+            match pictures::save_png(&path, &finished.picture.display) {
+                Ok(()) => self.failures = 0,
+                Err(error) => {
+                    if self.failures.is_multiple_of(100) {
+                        tracing::warn!("left out: {error}");
+                    }
+                    self.failures += 1;
+                }
+            }
         }
+        Ok(true)
+    }
+
+    fn hold(&mut self, says: &str, _picture: &Picture) -> Result<bool, PipelineError> {
+        tracing::debug!(says, "the last picture is shown on");
         Ok(true)
     }
 }

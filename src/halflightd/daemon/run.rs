@@ -1,177 +1,157 @@
 //! Runs the pipeline as the settings say.
 
 use super::{
-    blocker_spheres, engines,
-    governing::governor_of,
     host::Host,
-    known_room,
-    live_settings::{LiveSettings, Watched},
     picture_folder::PictureFolder,
-    vertex_transfer,
+    prepare::{OpenedCamera, Prepared, open_camera, prepare},
+    settings_thread::{LiveSettings, SettingsThread},
+    stop_signals::StopSignals,
+    watchdog::{DEFAULT_PERIOD_S, Watchdog},
 };
-use crate::assets::scene as scene_file;
-use crate::config::settings::{GrayWeights, RunMode, Settings};
+use crate::config::settings::{RunMode, Settings};
 use crate::device::{
-    Clock, FrameSource,
+    Clock, DeviceError, ErrorKind, FrameSource, ImuSource,
     clock::{ManualClock, MonotonicClock},
-    open,
+    pace::{Pace, PacedFrames, PacedImu},
+    supervise::Budget,
 };
-use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
-use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::{
-    Options, Pipeline, PipelineError,
-    event::{FrameSink, RunCounts, run as run_events},
-    feed::{Lockstep, Realtime},
+    Pipeline, PipelineError,
+    inbox::Inbox,
+    live::Live,
+    lockstep::Lockstep,
+    turns::{self, FrameSink, RunCounts},
 };
-use crate::plan::{FramePlan, PassTiming};
-use std::{path::Path, sync::Arc};
-
-/// A pipeline with the source that feeds it.
-pub struct Prepared {
-    /// Where frames come from.
-    pub source: Box<dyn FrameSource>,
-    /// What they go through.
-    pub pipeline: Pipeline,
-    /// The engine in one line.
-    pub engine: String,
-    /// Exposures that the camera goes through.
-    pub cycle: Vec<Exposure>,
-}
-
-/// Opens the devices and the engine and loads the scene.
-pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, PipelineError> {
-    let opened = open::open(&settings.camera)?;
-    let mut source = opened.frames;
-    let wanted: Vec<Exposure> =
-        settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
-    let cycle = source.set_exposures(&wanted)?;
-    let response = response_of(settings, source.as_ref())?;
-    let (scene, rig, room) = scene_and_rig(settings, source.as_ref(), host)?;
-    let mut engine =
-        engines::open(settings.engine, settings.backend, settings.threads, &settings.cpu_kernels)?;
-    engine.load_room(room.clone())?;
-    engine.load_scene(&scene)?;
-    let description = engine.description();
-    let options = options_of(settings, &cycle);
-    let mut pipeline =
-        Pipeline::new(engine, Box::new(MonotonicClock::default()), rig, response, scene, options)?;
-    if let Some(room) = room {
-        pipeline = pipeline.in_room(room);
-    }
-    let pipeline = pipeline.governed(governor_of(settings)?);
-    Ok(Prepared { source, pipeline, engine: description, cycle })
-}
-
-/// What the settings mean for the pipeline of a camera that goes through these exposures.
-pub(super) fn options_of(settings: &Settings, cycle: &[Exposure]) -> Options {
-    let shown_exposure = (settings.shown_exposure_s > 0.0)
-        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
-    Options {
-        quality: settings.quality,
-        light_threshold: settings.light_threshold as f32,
-        rec709: settings.gray == GrayWeights::Rec709,
-        filter_tau_s: settings.filter_tau_s,
-        ball_on_surface: settings.ball_on_surface,
-        longest_exposure: cycle
-            .iter()
-            .copied()
-            .max_by(|a, b| a.effective_s().total_cmp(&b.effective_s()))
-            .unwrap_or(Exposure { time_s: 1.0 / 60.0, gain: 1.0 }),
-        exposures_in_cycle: cycle.len(),
-        shown_exposure,
-        view: settings.view,
-        hud: settings.hud,
-        decimate: settings.decimate as f32,
-        quad_sigma_px: settings.quad_sigma_px as f32,
-    }
-}
-
-fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
-    match settings.response.as_str() {
-        "device" => Ok(source.response().unwrap_or_else(|| {
-            tracing::warn!(
-                "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
-                settings.camera
-            );
-            Response::srgb()
-        })),
-        "srgb" => Ok(Response::srgb()),
-        file => {
-            crate::assets::response::load(Path::new(file)).map_err(|e| PipelineError::Setup(e.to_string()))
-        }
-    }
-}
-
-/// The scene's objects and surfaces with the rig that the device or the scene file knows.
-fn scene_and_rig(
-    settings: &Settings,
-    source: &dyn FrameSource,
-    host: &Host<'_>,
-) -> Result<(Scene, Rig, Option<Arc<KnownRoom>>), PipelineError> {
-    let rig = source.rig();
-    if settings.scene_file.is_empty() {
-        let rig = rig.ok_or_else(|| {
-            PipelineError::Setup(format!(
-                "{}: knows no lens or tags; name a scene.file that does",
-                settings.camera
-            ))
-        })?;
-        return Ok((Scene::default(), rig, None));
-    }
-    let file =
-        scene_file::load(Path::new(&settings.scene_file)).map_err(|e| PipelineError::Setup(e.to_string()))?;
-    let rig = file.rig_over(rig).map_err(|e| PipelineError::Setup(e.to_string()))?;
-    let mut scene = file.scene_with_ball(rig.ball.as_ref());
-    blocker_spheres::fit(&mut scene, settings.quality.spheres, host.progress);
-    vertex_transfer::bake(&mut scene, &settings.quality, host.progress);
-    let room =
-        known_room::of_scene(&file, &mut scene, host).map_err(|e| PipelineError::Setup(e.to_string()))?;
-    Ok((scene, rig, room))
-}
+use crate::plan::FramePlan;
+use std::{path::PathBuf, sync::Arc};
 
 /// What a run left.
 #[derive(Clone, Debug)]
 pub struct Ran {
     /// What went through.
     pub counts: RunCounts,
-    /// Times of every pass of every frame.
-    pub passes: Vec<PassTiming>,
     /// The passes of the last picture, and those left out, each with its reason.
     pub last_plan: FramePlan,
 }
 
-/// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop. Settings that are `live` are
-/// followed.
-pub fn run(
-    mut prepared: Prepared,
-    settings: &Settings,
-    live: Option<&mut LiveSettings>,
-    sink: &mut dyn FrameSink,
-) -> Result<Ran, PipelineError> {
-    let cycle = &prepared.cycle;
-    let counts = match settings.mode {
-        RunMode::Lockstep => {
-            let mut clock = ManualClock::default();
-            let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
-            let mut feed = Watched { feed: &mut feed, live, cycle };
-            run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
-        }
-        RunMode::Realtime => {
-            // Recordings and the synthetic room deliver at once; a camera has its own pace.
-            let pace: Box<dyn Clock> = Box::new(MonotonicClock::default());
-            let mut feed = Realtime::start(prepared.source, Some(pace));
-            let mut feed = Watched { feed: &mut feed, live, cycle };
-            run_events(&mut feed, &mut prepared.pipeline, sink, settings.frames)
-        }
-    }?;
-    Ok(Ran { counts, passes: prepared.pipeline.take_passes(), last_plan: prepared.pipeline.plan().clone() })
+/// Runs until the source ends, `device.frames` have gone through, or the sink asks to stop.
+pub fn run(prepared: Prepared, settings: &Settings, sink: &mut dyn FrameSink) -> Result<Ran, PipelineError> {
+    run_from(Arc::default(), prepared, settings, sink)
 }
 
-/// The whole daemon: settings in, run to the end.
-pub fn run_daemon(settings: &Settings, live: Option<&mut LiveSettings>) -> Result<RunCounts, PipelineError> {
+/// As [`run`], with an inbox that others put commands and settings into.
+pub fn run_from(
+    inbox: Arc<Inbox>,
+    prepared: Prepared,
+    settings: &Settings,
+    sink: &mut dyn FrameSink,
+) -> Result<Ran, PipelineError> {
+    let Prepared { source, imu, mut pipeline, .. } = prepared;
+    let counts = match settings.mode {
+        RunMode::Lockstep => {
+            let mut lockstep = Lockstep::new(inbox, source, imu, ManualClock::default())
+                .looking_ahead(settings.search_ahead);
+            turns::run(&mut lockstep, &mut pipeline, sink, settings.frames)?
+        }
+        RunMode::Realtime => run_live(inbox, source, imu, &mut pipeline, settings, sink)?,
+    };
+    Ok(Ran { counts, last_plan: pipeline.plan().clone() })
+}
+
+fn run_live(
+    inbox: Arc<Inbox>,
+    source: Box<dyn FrameSource>,
+    imu: Option<Box<dyn ImuSource>>,
+    pipeline: &mut Pipeline,
+    settings: &Settings,
+    sink: &mut dyn FrameSink,
+) -> Result<RunCounts, PipelineError> {
+    let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::default());
+    let period_s = Watchdog::period_s().unwrap_or(DEFAULT_PERIOD_S);
+    let budget = Budget::of_watchdog(period_s).map_err(|e| PipelineError::Setup(e.to_string()))?;
+    let pace = Pace::new(Arc::clone(&clock));
+    let mut live = Live::new(inbox, clock, budget);
+    let early = settings.search_ahead.then(|| pipeline.early_search());
+    live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()), early)?;
+    if let Some(imu) = imu {
+        live.add_imu(&settings.camera, imu_opener(imu, settings, pace))?;
+    }
+    let counts = turns::run(&mut live, pipeline, sink, settings.frames);
+    let abandoned = live.stop();
+    if abandoned > 0 {
+        tracing::warn!("{abandoned} devices do not answer and are left as they are");
+    }
+    counts
+}
+
+/// Gives the camera that is open, and opens it anew each time after that. Recordings and the synthetic room deliver at
+/// once: they are held to a pace.
+fn camera_opener(
+    source: Box<dyn FrameSource>,
+    settings: &Settings,
+    pace: Pace,
+) -> impl FnMut(crate::model::time::Timestamp) -> Result<Box<dyn FrameSource>, DeviceError> + Send + 'static {
+    let (mut first, settings) = (Some(source), settings.clone());
+    move |_deadline| {
+        let source = match first.take() {
+            Some(source) => source,
+            None => open_camera(&settings).map(|OpenedCamera { frames, .. }| frames)?,
+        };
+        Ok(match source.delivers_at_once() {
+            true => Box::new(PacedFrames::new(source, pace.clone())),
+            false => source,
+        })
+    }
+}
+
+/// The same for its inertial sensor.
+fn imu_opener(
+    imu: Box<dyn ImuSource>,
+    settings: &Settings,
+    pace: Pace,
+) -> impl FnMut(crate::model::time::Timestamp) -> Result<Box<dyn ImuSource>, DeviceError> + Send + 'static {
+    let (mut first, name) = (Some(imu), settings.camera.clone());
+    move |_deadline| {
+        let imu = match first.take() {
+            Some(imu) => imu,
+            None => crate::device::open::open(&name)?
+                .imu
+                .ok_or_else(|| DeviceError::new(&name, "find its IMU again", ErrorKind::Reopen))?,
+        };
+        Ok(match imu.delivers_at_once() {
+            true => Box::new(PacedImu::new(imu, pace.clone())),
+            false => imu,
+        })
+    }
+}
+
+/// A settings file that is followed while the daemon runs.
+pub struct FollowedFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its content when the settings were read.
+    pub content: String,
+    /// All settings as a content of the file, and whatever wins over it, say; or every mistake.
+    pub read: Box<dyn Fn(&str) -> Result<Settings, String> + Send>,
+}
+
+/// The whole daemon: settings in, run to the end, or until the process is asked to stop.
+pub fn run_daemon(settings: &Settings, file: Option<FollowedFile>) -> Result<RunCounts, PipelineError> {
+    let setup = |what: &str, e: std::io::Error| PipelineError::Setup(format!("{what}: {e}"));
     let mut prepared = prepare(settings, &Host::default())?;
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
-    tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let mut sink = PictureFolder::new(&settings.pictures_folder)?;
-    run(prepared, settings, live, &mut sink).map(|ran| ran.counts)
+    let inbox = Arc::<Inbox>::default();
+    let _signals = StopSignals::follow(Arc::clone(&inbox)).map_err(|e| setup("signals", e))?;
+    let live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
+    let _follows = file
+        .map(|FollowedFile { path, content, read }| {
+            let clock = Arc::new(MonotonicClock::default());
+            SettingsThread::start(&path, &content, read, live, Arc::clone(&inbox), clock)
+        })
+        .transpose()
+        .map_err(|e| setup("the thread that follows the settings", e))?;
+    tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
+    let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| setup("the watchdog", e))?;
+    run_from(inbox, prepared, settings, &mut sink).map(|ran| ran.counts)
 }

@@ -1,86 +1,96 @@
-//! Everything that can happen to the pipeline: one closed enum, one loop.
+//! Everything that can happen to the pipeline: one closed enum. One loop takes it (`turns`), live and in lockstep.
 
-use super::{Change, Pipeline, PipelineError, feed::Feed, frame::FrameOutcome};
+use super::Change;
 use crate::device::{DeviceError, Truth};
-use crate::model::{frame::RawFrame, picture::Picture};
+use crate::model::{frame::RawFrame, imu::ImuSample, time::Timestamp};
+
+/// A frame as it reaches the pipeline.
+#[derive(Debug)]
+pub struct ArrivedFrame {
+    /// The frame.
+    pub frame: RawFrame,
+    /// Frames that were passed over since the last one, because newer ones came.
+    pub passed_over: u64,
+    /// What the source knows of this frame, where it does.
+    pub truth: Option<Box<Truth>>,
+}
+
+/// Devices that can go away and come back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum DeviceRole {
+    /// The camera.
+    Camera,
+    /// The inertial sensor.
+    Imu,
+    /// The display.
+    Display,
+    /// The line that commands come on.
+    Link,
+}
+
+impl DeviceRole {
+    /// All, in order.
+    pub const ALL: [Self; 4] = [Self::Camera, Self::Imu, Self::Display, Self::Link];
+
+    /// For messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Camera => "the camera",
+            Self::Imu => "the IMU",
+            Self::Display => "the display",
+            Self::Link => "the command line",
+        }
+    }
+}
+
+/// What somebody asks of the running pipeline.
+#[derive(Debug)]
+pub enum Command {
+    /// Go on with other settings, which are ready: what they cost has been done on another thread.
+    Change(Box<Change>),
+    /// End after this turn.
+    Stop,
+}
 
 /// What can happen.
 #[derive(Debug)]
 pub enum Event {
-    /// A frame, and how many were passed over since the last one because newer ones came.
-    Frame {
-        /// The frame.
-        frame: RawFrame,
-        /// Frames passed over by the feed.
-        passed_over: u64,
-        /// What the source knows of this frame, where it does.
-        truth: Option<Box<Truth>>,
-    },
-    /// Settings have changed.
-    Changed(Box<Change>),
-    /// No frame came in time.
-    Nothing,
-    /// The source has no more.
-    Ended,
-    /// The source failed for good.
-    Failed(DeviceError),
+    /// A frame.
+    Frame(ArrivedFrame),
+    /// An inertial sample; in lockstep each comes before the first frame that is later.
+    Imu(ImuSample),
+    /// A command, or settings that are ready.
+    Command(Command),
+    /// The moment that was waited for has come, and nothing else has.
+    Due,
+    /// A device is lost, and is being opened again.
+    Lost(DeviceRole, DeviceError),
+    /// A lost device is there again.
+    Back(DeviceRole),
+    /// There are no more frames: the camera's source has ended, or failed for good.
+    Ended(Result<(), DeviceError>),
 }
 
-/// Takes finished pictures, on the pipeline's thread.
-pub trait FrameSink {
-    /// One picture with what is known of its frame. `false` asks to stop.
-    fn accept(
-        &mut self,
-        raw: &RawFrame,
-        truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        picture: &Picture,
-    ) -> Result<bool, PipelineError>;
+/// What the loop waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Awaited {
+    /// Whether a frame is wanted yet. Frames stay where they are until one is.
+    pub frame: bool,
+    /// When to say [`Event::Due`] if nothing else has happened.
+    pub deadline: Timestamp,
 }
 
-/// What one run did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RunCounts {
-    /// Frames that went through.
-    pub frames: u64,
-    /// Frames that the feed passed over for newer ones.
-    pub passed_over: u64,
-    /// Frames that are missing in the source's count.
-    pub lost_by_source: u64,
-    /// Frames shown without virtual objects.
-    pub passed_through: u64,
-}
+/// Gives events, one after the other, on its own clock.
+pub trait EventSource {
+    /// The next event. Returns no later than the deadline (a source that follows a recording does not wait at all).
+    fn next_event(&mut self, awaited: Awaited) -> Event;
 
-/// Feeds events to the pipeline until the source ends, `frames` (0 = no limit) have gone through, or the sink asks to stop.
-pub fn run(
-    feed: &mut dyn Feed,
-    pipeline: &mut Pipeline,
-    sink: &mut dyn FrameSink,
-    frames: u64,
-) -> Result<RunCounts, PipelineError> {
-    let mut counts = RunCounts::default();
-    let mut last_sequence: Option<u64> = None;
-    loop {
-        match feed.next_event() {
-            Event::Frame { frame, passed_over, truth } => {
-                counts.passed_over += passed_over;
-                if let Some(last) = last_sequence {
-                    counts.lost_by_source +=
-                        frame.sequence.saturating_sub(last + 1).saturating_sub(passed_over);
-                }
-                last_sequence = Some(frame.sequence);
-                let outcome = pipeline.frame(&frame)?;
-                counts.frames += 1;
-                counts.passed_through += u64::from(outcome.shown.is_passed_through());
-                let go_on = sink.accept(&frame, truth.as_deref(), &outcome, pipeline.picture())?;
-                if !go_on || (frames > 0 && counts.frames >= frames) {
-                    return Ok(counts);
-                }
-            }
-            Event::Changed(change) => pipeline.change(*change)?,
-            Event::Nothing => {}
-            Event::Ended => return Ok(counts),
-            Event::Failed(error) => return Err(PipelineError::Device(error)),
-        }
+    /// Now, on the clock of [`Awaited::deadline`].
+    fn now(&self) -> Timestamp;
+
+    /// The frame after the last one, where it is known already and nothing can take its place: the pipeline may begin
+    /// to work on it.
+    fn frame_ahead(&mut self) -> Option<&RawFrame> {
+        None
     }
 }

@@ -4,7 +4,7 @@ use crate::model::{
     estimate::{LightEstimate, PoseEstimate},
     time::Timestamp,
 };
-use crate::plan::{PassTiming, governor::Choice};
+use crate::plan::governor::Choice;
 
 /// What the viewer got.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,11 +74,4 @@ pub struct FrameOutcome {
     pub stage_ms: [f32; Stage::ALL.len()],
     /// What the governor has chosen for the next frame, where there is one.
     pub choice: Option<Choice>,
-}
-
-/// Times of all passes of a run.
-#[derive(Clone, Debug, Default)]
-pub struct PassLog {
-    /// As the engine gave them.
-    pub timings: Vec<PassTiming>,
 }

@@ -1,9 +1,9 @@
 //! The light of the place, frame by frame: slide, merge, read, follow, split. What cannot be measured is held.
 
-use super::{Options, PipelineError};
+use super::Options;
 use crate::device::Clock;
-use crate::engine::{Bracket, Engine, LightJob};
-use crate::hdr::sliding::SlidingMerge;
+use crate::engine::{Bracket, Engine, EngineError, LightJob};
+use crate::hdr::sliding::{SlidingError, SlidingMerge};
 use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
 use crate::light::prefilter::Wanted;
@@ -14,21 +14,40 @@ use crate::model::{
     estimate::{LightEstimate, PoseEstimate, Provenance},
     frame::RawFrame,
     image::HdrImage,
-    quality::Quality,
     response::Response,
     rig::Rig,
     time::Timestamp,
 };
 
-/// The light stage and the linear picture that it is read from.
+/// Why a frame could not be merged.
+#[derive(Debug, thiserror::Error)]
+pub enum GatherError {
+    /// The frame is none of this camera's.
+    #[error(transparent)]
+    Frame(#[from] SlidingError),
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
+
+/// What light is measured at.
+#[derive(Clone, Copy)]
+pub struct LightMoment<'a> {
+    /// The lens and the ball.
+    pub rig: &'a Rig,
+    /// The camera's pose at `t`, where it is known.
+    pub pose: Option<&'a PoseEstimate>,
+    /// Time of the newest frame.
+    pub t: Timestamp,
+    /// Whether the light is to be measured at this frame.
+    pub due: bool,
+}
+
+/// The light stage and the linear picture that it is read from. It keeps what was seen; settings come with each frame.
 pub struct Lighting {
     sliding: SlidingMerge,
     follow: Follow,
     picture: HdrImage,
-    quality: Quality,
-    on_surface: bool,
-    /// Frames that make a whole bracket.
-    full_bracket: usize,
     /// Frames in the last bracket.
     bracket: usize,
     refused: u64,
@@ -43,22 +62,10 @@ impl Lighting {
             sliding: SlidingMerge::new(options.quality.brackets, &rig.lens, rig.ball),
             follow: Follow::new(options.filter_tau_s, halving(options)),
             picture: HdrImage::default(),
-            quality: options.quality,
-            on_surface: options.ball_on_surface,
-            full_bracket: options.quality.brackets.min(options.exposures_in_cycle.max(1)),
             bracket: 0,
             refused: 0,
             was_read: false,
         }
-    }
-
-    /// Goes on with other settings; what was seen and measured stays.
-    pub fn retune(&mut self, options: &Options) {
-        self.sliding.keep(options.quality.brackets);
-        self.follow.retune(options.filter_tau_s, halving(options));
-        self.quality = options.quality;
-        self.on_surface = options.ball_on_surface;
-        self.full_bracket = options.quality.brackets.min(options.exposures_in_cycle.max(1));
     }
 
     /// Takes a frame, warps older frames of other exposures into its view, and merges them. Returns when the
@@ -69,11 +76,11 @@ impl Lighting {
         pose: Option<&PoseEstimate>,
         engine: &mut dyn Engine,
         response: &Response,
+        options: &Options,
         watch: &dyn Clock,
-    ) -> Result<Timestamp, PipelineError> {
-        self.sliding
-            .push(frame, pose.map(|p| p.world_from_camera))
-            .map_err(|e| PipelineError::Setup(e.to_string()))?;
+    ) -> Result<Timestamp, GatherError> {
+        self.sliding.keep(options.quality.brackets);
+        self.sliding.push(frame, pose.map(|p| p.world_from_camera))?;
         let registered = self.sliding.registered(response);
         let warped = watch.now();
         let bracket = Bracket { pictures: registered.pictures(), exposures: registered.exposures() };
@@ -107,29 +114,30 @@ impl Lighting {
         self.was_read
     }
 
-    /// The light at `t`: measured where it is due and the pose was measured, else held. `None` before the first.
+    /// The light at a moment: measured where it is due and the pose was measured, else held. `None` before the first.
     pub fn measure(
         &mut self,
         engine: &mut dyn Engine,
-        rig: &Rig,
-        pose: Option<&PoseEstimate>,
-        t: Timestamp,
-        due: bool,
+        moment: &LightMoment<'_>,
+        options: &Options,
     ) -> Option<LightEstimate> {
+        let LightMoment { rig, pose, t, due } = *moment;
+        self.follow.retune(options.filter_tau_s, halving(options));
         self.was_read = false;
+        let full_bracket = options.quality.brackets.min(options.exposures_in_cycle.max(1));
         let measured_pose = pose.filter(|p| p.provenance == Provenance::Measured);
         if let (true, Some(pose), Some(ball)) =
-            (due && self.bracket >= self.full_bracket, measured_pose, &rig.ball)
+            (due && self.bracket >= full_bracket, measured_pose, &rig.ball)
         {
             let job = LightJob::Ball(BallShot {
                 picture: &self.picture,
                 lens: &rig.lens,
                 world_from_camera: &pose.world_from_camera,
                 ball,
-                on_surface: self.on_surface,
+                on_surface: options.ball_on_surface,
                 without_ball: None,
             });
-            match engine.estimate_light(&job, &self.quality) {
+            match engine.estimate_light(&job, &options.quality) {
                 Ok(light) => {
                     self.was_read = true;
                     self.follow.update(t, &light.total, &light.flags, engine.measured_samples());

@@ -1,40 +1,57 @@
-//! Layer 4: the order of the stages for each frame, and the threads. What feeds it (lockstep or as time passes) and
-//! what takes its pictures stand outside.
+//! Layer 5: the order of the stages for each frame, the one inbox before them, and the threads. What takes the pictures
+//! stands outside.
+//!
+//! ```text
+//! devices, each on a thread ─┐                    ┌─ policy: what is missing, what is shown then
+//! settings that are ready ───┼─► inbox ─► turns ──┼─ schedule: when to take a frame, for which moment
+//! commands ──────────────────┘  (lockstep: filled  └─ Pipeline: track, merge, light, present ─► FrameSink
+//!                                from a recording)
+//! ```
 
+pub mod engine_in_use;
 pub mod event;
-pub mod feed;
 pub mod frame;
-pub mod gray_place;
-pub mod hud;
-pub mod letters;
+pub mod inbox;
 pub mod lighting;
+pub mod live;
+pub mod lockstep;
+pub mod options;
 pub mod policy;
 pub mod presenting;
-pub mod room_light;
+pub mod schedule;
 pub mod tracking;
-pub mod views;
+pub mod turns;
 
 use crate::device::{Clock, DeviceError};
 use crate::engine::{Engine, EngineError};
 use crate::light::prefilter::Wanted;
 use crate::math::lens::Lens;
 use crate::model::{
+    estimate::{LightEstimate, PoseEstimate},
     frame::{Exposure, RawFrame},
     image::HdrImage,
+    imu::ImuSample,
     light::RadianceSamples,
     picture::{Picture, PictureView},
-    quality::{Effects, Quality},
+    quality::Effects,
     response::Response,
     rig::Rig,
     scene::Scene,
+    time::Timestamp,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::plan::{FramePlan, PassTiming, governor::Governor};
+use crate::plan::{
+    FramePlan, PassTiming,
+    governor::{Choice, Governor},
+};
+use engine_in_use::{EngineInUse, StandIn};
 use frame::{FrameOutcome, Shown, Stage};
-use lighting::Lighting;
-use presenting::Presenting;
+use lighting::{GatherError, LightMoment, Lighting};
+pub use options::{Change, GovernorChange, Options};
+use policy::Shows;
+use presenting::{PictureParts, Presenting};
 use std::sync::Arc;
-use tracking::{Tracker, TrackingError};
+use tracking::{EarlySearch, Tracker, TrackingError};
 
 /// Why the pipeline could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -54,47 +71,6 @@ pub enum PipelineError {
     /// A result could not be written; names the file.
     #[error("{0}")]
     Output(String),
-}
-
-/// What the settings mean for the pipeline.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Accuracy settings of every frame.
-    pub quality: Quality,
-    /// Anisotropy below which no direction dominates.
-    pub light_threshold: f32,
-    /// Gray by Rec. 709 weights in place of 0.3, 0.59, 0.11.
-    pub rec709: bool,
-    /// Time constant of the light's filter, seconds; 0 = none.
-    pub filter_tau_s: f64,
-    /// Whether the ball stands on the surface z = 0.
-    pub ball_on_surface: bool,
-    /// The longest exposure that the camera goes through.
-    pub longest_exposure: Exposure,
-    /// Different exposures that the camera goes through.
-    pub exposures_in_cycle: usize,
-    /// Exposure of the shown picture; `None`: the one of the cycle that exposes the place best.
-    pub shown_exposure: Option<Exposure>,
-    /// What is shown of a frame.
-    pub view: PictureView,
-    /// Whether text is laid over the picture.
-    pub hud: bool,
-    /// Tags are searched in a picture reduced by this.
-    pub decimate: f32,
-    /// Blur before tags are searched, pixels.
-    pub quad_sigma_px: f32,
-}
-
-/// Settings that have changed while the pipeline runs.
-#[derive(Clone, Debug)]
-pub struct Change {
-    /// All of them; those of the tracker and of the exposures are not looked at.
-    pub options: Options,
-    /// Gives the scene's bodies what they carry with them (spheres, transfer) anew, where that depends on what has
-    /// changed.
-    pub dress: Option<fn(&mut Scene, &Quality)>,
-    /// The governor from now on: `None` leaves it as it is, `Some(None)` sends it away.
-    pub govern: Option<Option<Governor>>,
 }
 
 /// What the last picture was drawn from, besides its pose and its light.
@@ -118,20 +94,54 @@ pub struct DrawnFrom<'a> {
 
 /// One camera's way from frame to picture.
 pub struct Pipeline {
-    engine: Box<dyn Engine>,
+    engine: EngineInUse,
     watch: Box<dyn Clock>,
     rig: Rig,
     response: Response,
+    /// The settings of every stage; stages keep none of them.
     options: Options,
     tracker: Tracker,
     lighting: Lighting,
     presenting: Presenting,
-    newest_passes: Vec<PassTiming>,
     passes: Vec<PassTiming>,
     frames_done: u64,
     governor: Option<Governor>,
     /// Nobody asks for pose and light themselves.
     only_pictures: bool,
+}
+
+/// When the stages of a frame were done, on the pipeline's watch.
+#[derive(Clone, Copy)]
+struct StageTimes {
+    start: Timestamp,
+    tracked: Timestamp,
+    registered: Timestamp,
+    merged: Timestamp,
+    lit: Timestamp,
+    drawn: Timestamp,
+}
+
+impl StageTimes {
+    fn all_at(start: Timestamp) -> Self {
+        Self { start, tracked: start, registered: start, merged: start, lit: start, drawn: start }
+    }
+
+    fn located_at(&mut self, t: Timestamp) {
+        (self.tracked, self.registered, self.merged, self.lit) = (t, t, t, t);
+    }
+
+    /// Milliseconds of each stage, in the order of `Stage::ALL`.
+    fn ms(&self) -> [f32; Stage::ALL.len()] {
+        [
+            (self.tracked, self.start),
+            (self.registered, self.tracked),
+            (self.merged, self.registered),
+            (self.lit, self.merged),
+            (self.drawn, self.lit),
+            (self.drawn, self.start),
+        ]
+        .map(|(to, from)| (to.seconds_since(from) * 1e3) as f32)
+    }
 }
 
 impl Pipeline {
@@ -141,16 +151,17 @@ impl Pipeline {
         watch: Box<dyn Clock>,
         rig: Rig,
         response: Response,
-        scene: Scene,
+        scene: impl Into<Arc<Scene>>,
         options: Options,
     ) -> Result<Self, PipelineError> {
         let mut tracker = Tracker::start(&rig, options.decimate, options.quad_sigma_px)?;
         tracker.set_response(&response);
+        let scene = scene.into();
         let mut lighting = Lighting::new(&rig, &options);
         lighting.want(Wanted::by(&scene, options.quality.sh_order));
         let presenting = Presenting::new(scene, &options);
         Ok(Self {
-            engine,
+            engine: EngineInUse::new(engine),
             watch,
             rig,
             response,
@@ -158,7 +169,6 @@ impl Pipeline {
             tracker,
             lighting,
             presenting,
-            newest_passes: Vec::new(),
             passes: Vec::new(),
             frames_done: 0,
             governor: None,
@@ -175,10 +185,9 @@ impl Pipeline {
 
     /// Takes the settings that the governor has chosen. They change nothing that the scene's bodies carry with them.
     fn obey(&mut self) {
-        let Some(governor) = &self.governor else { return };
-        self.options.quality = governor.step().quality;
-        self.lighting.retune(&self.options);
-        self.presenting.retune(&self.options);
+        if let Some(governor) = &self.governor {
+            self.options.quality = governor.step().quality;
+        }
     }
 
     /// The known room that the scene stands in (`Scene::room`); the engine has been given it. Objects are lit by it then,
@@ -194,6 +203,12 @@ impl Pipeline {
         self
     }
 
+    /// Another engine is opened by `open` where the first one keeps failing.
+    pub fn with_stand_in(mut self, open: StandIn) -> Self {
+        self.engine.stand_in = Some(open);
+        self
+    }
+
     /// Whether a frame's picture is the frame itself: there is nothing virtual to draw, and no other exposure to merge.
     fn is_picture_itself(&self, frame: &RawFrame) -> bool {
         self.only_pictures
@@ -204,108 +219,191 @@ impl Pipeline {
     }
 
     /// Goes on with other settings from the next frame on. The light that was measured, the pose and the time within the
-    /// scene stay; light of another order is measured anew. Fails where the engine cannot take the scene.
-    pub fn change(&mut self, change: Change) -> Result<(), PipelineError> {
-        let Change { options, dress, govern } = change;
+    /// scene stay; light of another order is measured anew. An engine that does not take the scene fails as one that does
+    /// not draw.
+    pub fn change(&mut self, change: Change) {
+        let Change { options, scene, governor } = change;
+        self.presenting.choose_exposure(&options);
         self.options = options;
-        self.lighting.retune(&options);
-        self.presenting.retune(&options);
-        if let Some(dress) = dress {
-            self.presenting.change_scene(|scene| dress(scene, &options.quality));
-            self.engine.load_scene(self.presenting.scene())?;
+        if let Some(scene) = scene {
+            self.presenting.change_scene(scene);
+            self.engine.has_another_scene();
         }
         self.lighting.want(Wanted::by(self.presenting.scene(), options.quality.sh_order));
-        if let Some(governor) = govern {
-            self.governor = governor;
+        match governor {
+            GovernorChange::Keep => {}
+            GovernorChange::Replace(governor) => self.governor = Some(*governor),
+            GovernorChange::Remove => self.governor = None,
         }
         self.obey();
-        Ok(())
     }
 
-    /// One frame, all stages. Errors of the engine in the light or in the drawing degrade the picture and are logged;
-    /// only a frame that does not fit the rig is an error.
+    /// Takes an inertial sample: poses between tags come from it.
+    pub fn sense(&mut self, sample: &ImuSample) {
+        self.tracker.sense(sample);
+    }
+
+    /// Has frames searched for tags before their turn.
+    pub fn early_search(&self) -> EarlySearch {
+        self.tracker.early()
+    }
+
+    /// One frame, all stages, seen at its own time.
     pub fn frame(&mut self, frame: &RawFrame) -> Result<FrameOutcome, PipelineError> {
-        let lens = &self.rig.lens;
+        self.frame_for(frame, None, None)
+    }
+
+    /// One frame, all stages, to be seen at `shown_at` (`None`: at the frame's own time): virtual objects are posed for
+    /// that moment. `ahead` is the frame after it, where that is there already: tags are looked for in it while this one is
+    /// drawn. Whatever fails degrades the picture, and is logged.
+    ///
+    /// # Errors
+    /// Only a fault in the tracking thread.
+    pub fn frame_for(
+        &mut self,
+        frame: &RawFrame,
+        shown_at: Option<Timestamp>,
+        ahead: Option<&RawFrame>,
+    ) -> Result<FrameOutcome, PipelineError> {
         self.presenting.see(frame);
-        let mut stage_ms = [0.0f32; Stage::ALL.len()];
-        let start = self.watch.now();
-        if self.is_picture_itself(frame) {
-            self.presenting.shown_as_it_is(lens, frame);
-            self.presenting.lay_text_over();
-            self.frames_done += 1;
-            let ms = (self.watch.now().seconds_since(start) * 1e3) as f32;
-            stage_ms[Stage::Relight as usize] = ms;
-            stage_ms[Stage::Frame as usize] = ms;
-            let shown = Shown::PassedThrough("nothing virtual to draw");
-            let (sequence, t) = (frame.sequence, frame.t_mid);
-            // Nothing is drawn that the governor could learn from.
-            let choice = self.governor.as_ref().map(Governor::choice);
-            return Ok(FrameOutcome { sequence, t, pose: None, light: None, shown, stage_ms, choice });
+        self.passes.clear();
+        let mut times = StageTimes::all_at(self.watch.now());
+        let is_itself = self.is_picture_itself(frame);
+        let located = if is_itself { Err("nothing virtual to draw") } else { self.locate(frame)? };
+        times.located_at(self.watch.now());
+        if let Some(ahead) = ahead.filter(|_| !is_itself) {
+            self.tracker.early().offer(ahead);
         }
-        let pose = self.tracker.track(frame)?;
-        let tracked = self.watch.now();
-        let registered = self.lighting.gather(
-            frame,
-            pose.as_ref(),
-            self.engine.as_mut(),
-            &self.response,
-            self.watch.as_ref(),
-        )?;
-        let merged = self.watch.now();
-        let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
-        let light = self.lighting.measure(self.engine.as_mut(), &self.rig, pose.as_ref(), frame.t_mid, due);
-        let lit = self.watch.now();
-        let of_frame = self.presenting.frame_of(frame, self.lighting.is_alone(), self.lighting.was_read());
-        let obstacle = policy::obstacle(pose.as_ref(), light.is_some() || self.presenting.has_room());
-        let shown = match (obstacle, &pose) {
-            (None, Some(pose)) => self.presenting.relit(
-                self.engine.as_mut(),
-                self.lighting.picture(),
-                lens,
-                &pose.world_from_camera,
-                light.as_ref().map(|light| &light.lights),
-                self.lighting.environment(),
-                &self.response,
-                frame.t_mid,
-                of_frame,
-            ),
-            _ => Err(obstacle.unwrap_or("nothing to draw with")),
+        let mut estimates = (None, None);
+        let shown = match located {
+            Err(why) => self.show_as_it_is(frame, why),
+            Ok(pose) => match self.measure(frame, pose.as_ref(), &mut times) {
+                Err(why) => self.show_as_it_is(frame, why),
+                Ok(light) => {
+                    estimates = (pose, light);
+                    self.present(frame, light.as_ref(), shown_at.unwrap_or(frame.t_mid))
+                }
+            },
         };
-        let shown = match shown {
-            Ok(()) => Shown::Relit,
-            Err(why) => {
-                self.presenting.passed_through(
-                    self.engine.as_mut(),
-                    self.lighting.picture(),
-                    lens,
-                    &self.response,
-                    frame,
-                    of_frame,
-                );
-                Shown::PassedThrough(why)
-            }
-        };
-        self.presenting.lay_text_over();
-        let done = self.watch.now();
-        for (slot, (to, from)) in stage_ms.iter_mut().zip([
-            (tracked, start),
-            (registered, tracked),
-            (merged, registered),
-            (lit, merged),
-            (done, lit),
-            (done, start),
-        ]) {
-            *slot = (to.seconds_since(from) * 1e3) as f32;
-        }
-        self.engine.take_timings(&mut self.newest_passes);
-        self.passes.append(&mut self.newest_passes);
+        self.presenting.lay_text_over(self.options.hud);
+        times.drawn = self.watch.now();
+        self.engine.get().take_timings(&mut self.passes);
         self.frames_done += 1;
+        let stage_ms = times.ms();
+        let choice = match is_itself {
+            false => self.govern(times.drawn, &stage_ms),
+            // Nothing was drawn that the governor could learn from.
+            true => self.governor.as_ref().map(Governor::choice),
+        };
+        let (pose, light) = estimates;
+        Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms, choice })
+    }
+
+    /// The pose at the frame's time; `Err` says why the frame can only be shown as it came.
+    fn locate(
+        &mut self,
+        frame: &RawFrame,
+    ) -> Result<Result<Option<PoseEstimate>, &'static str>, PipelineError> {
+        match self.tracker.track(frame) {
+            Ok(pose) => Ok(Ok(pose)),
+            // The camera has come back with pictures of another size, say.
+            Err(error @ (TrackingError::Size { .. } | TrackingError::Tags(_))) => {
+                tracing::warn!("shown as it came: {error}");
+                Ok(Err("the frame does not fit the lens"))
+            }
+            Err(fault) => Err(fault.into()),
+        }
+    }
+
+    fn show_as_it_is(&mut self, frame: &RawFrame, why: &'static str) -> Shown {
+        self.presenting.show_as_it_is(&self.rig.lens, frame, &self.options);
+        Shown::PassedThrough(why)
+    }
+
+    /// Merges the frame and reads the light. `Err` says why nothing can be drawn over a merged picture.
+    fn measure(
+        &mut self,
+        frame: &RawFrame,
+        pose: Option<&PoseEstimate>,
+        times: &mut StageTimes,
+    ) -> Result<Option<LightEstimate>, &'static str> {
+        self.reload_scene(frame.t_mid)?;
+        let engine = self.engine.get();
+        let gathered =
+            self.lighting.gather(frame, pose, engine, &self.response, &self.options, self.watch.as_ref());
+        let warped = match gathered {
+            Ok(warped) => warped,
+            Err(GatherError::Frame(why)) => {
+                tracing::warn!("shown as it came: {why}");
+                return Err("the frame does not fit the lens");
+            }
+            Err(GatherError::Engine(error)) => return Err(self.engine_failed(&error, frame.t_mid)),
+        };
+        times.registered = warped;
+        times.merged = self.watch.now();
+        let due = self.frames_done.is_multiple_of(u64::from(self.options.quality.light_every.max(1)));
+        let job = LightMoment { rig: &self.rig, pose, t: frame.t_mid, due };
+        let light = self.lighting.measure(self.engine.get(), &job, &self.options);
+        times.lit = self.watch.now();
+        Ok(light)
+    }
+
+    /// Draws the virtual objects where the camera will be at `shown_at`, or says in the outcome why not.
+    fn present(&mut self, frame: &RawFrame, light: Option<&LightEstimate>, shown_at: Timestamp) -> Shown {
+        let pose = self.tracker.pose_at(shown_at);
+        let light_is_known = light.is_some() || self.presenting.has_room();
+        let row = policy::judge(policy::missing_of_frame(pose.as_ref(), light_is_known));
+        let why = row.filter(|row| row.shows < Shows::Everything).map(|row| row.says);
+        let of_frame = self.presenting.frame_of(frame, self.lighting.is_alone(), self.lighting.was_read());
+        let parts = PictureParts {
+            background: self.lighting.picture(),
+            lens: &self.rig.lens,
+            response: &self.response,
+            light: light.map(|light| &light.lights),
+            environment: self.lighting.environment(),
+            t: frame.t_mid,
+            of_frame,
+        };
+        let why = match (why, pose) {
+            (None, Some(pose)) => {
+                let drawn =
+                    self.presenting.relit(self.engine.get(), &parts, &pose.world_from_camera, &self.options);
+                match drawn {
+                    Ok(()) => {
+                        self.engine.has_drawn();
+                        return Shown::Relit;
+                    }
+                    Err(error) => {
+                        let (scene, room) = (self.presenting.scene(), self.presenting.room());
+                        self.engine.failed(&error, frame.t_mid, scene, room)
+                    }
+                }
+            }
+            (why, _) => why.unwrap_or("no tag found yet"),
+        };
+        self.presenting.passed_through(self.engine.get(), &parts, frame, &self.options);
+        Shown::PassedThrough(why)
+    }
+
+    /// Hands the scene to an engine that has not taken it yet.
+    fn reload_scene(&mut self, t: Timestamp) -> Result<(), &'static str> {
+        match self.engine.load(self.presenting.scene()) {
+            Ok(()) => Ok(()),
+            Err(error) => Err(self.engine_failed(&error, t)),
+        }
+    }
+
+    fn engine_failed(&mut self, error: &EngineError, t: Timestamp) -> &'static str {
+        self.engine.failed(error, t, self.presenting.scene(), self.presenting.room())
+    }
+
+    /// Lets the governor look at a frame, and follows it.
+    fn govern(&mut self, done: Timestamp, stage_ms: &[f32; Stage::ALL.len()]) -> Option<Choice> {
+        let governor = self.governor.as_mut()?;
         let drawing_ms = stage_ms[Stage::Relight as usize];
-        let choice = self.governor.as_mut().map(|governor| {
-            let changed = governor.frame(done, drawing_ms, stage_ms[Stage::Frame as usize] - drawing_ms);
-            (changed, governor.choice())
-        });
-        if let Some((true, choice)) = &choice {
+        let changed = governor.frame(done, drawing_ms, stage_ms[Stage::Frame as usize] - drawing_ms);
+        let choice = governor.choice();
+        if changed {
             self.obey();
             tracing::info!(
                 step = choice.step,
@@ -316,18 +414,15 @@ impl Pipeline {
                 "the governor changes the settings"
             );
         }
-        let choice = choice.map(|(_, choice)| choice);
-        if let Some(choice) = choice.filter(|_| self.options.hud) {
-            self.note(format_args!(
-                "governor: step {} of {}, expected error {:.3}, expected {:.1} ms, measured {:.1} ms",
-                choice.step + 1,
-                choice.of,
-                choice.expected_error,
-                choice.expected_ms,
-                choice.measured_ms
-            ));
-        }
-        Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms, choice })
+        self.note(format_args!(
+            "governor: step {} of {}, expected error {:.3}, expected {:.1} ms, measured {:.1} ms",
+            choice.step + 1,
+            choice.of,
+            choice.expected_error,
+            choice.expected_ms,
+            choice.measured_ms
+        ));
+        Some(choice)
     }
 
     /// The last picture.
@@ -335,15 +430,33 @@ impl Pipeline {
         self.presenting.picture()
     }
 
+    /// Times of the passes of the last frame, in order.
+    pub fn passes(&self) -> &[PassTiming] {
+        &self.passes
+    }
+
+    /// The last picture with a text over it that says what is missing, for the time that no frame comes; plain gray before
+    /// the first picture.
+    pub fn hold(&mut self, says: &str) -> &Picture {
+        self.presenting.hold(says, &self.rig.lens)
+    }
+
     /// Hands in a line of text for the next picture, shown above the table of its effects where `Options::hud` is set.
     /// Allocates nothing in steady state.
     pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
-        self.presenting.note(line);
+        if self.options.hud {
+            self.presenting.note(line);
+        }
     }
 
     /// The passes of the last picture, and those left out, each with its reason.
     pub fn plan(&self) -> &FramePlan {
         self.presenting.plan()
+    }
+
+    /// The scene as it is drawn: with what the bodies carry with them.
+    pub fn scene(&self) -> &Arc<Scene> {
+        self.presenting.scene()
     }
 
     /// What the last picture was drawn from.
@@ -357,10 +470,5 @@ impl Pipeline {
             samples: self.engine.measured_samples(),
             room: self.presenting.room(),
         }
-    }
-
-    /// Times of all passes so far, taken away.
-    pub fn take_passes(&mut self) -> Vec<PassTiming> {
-        std::mem::take(&mut self.passes)
     }
 }

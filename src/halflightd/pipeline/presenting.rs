@@ -1,13 +1,8 @@
 //! From estimates to the shown picture: plan, then draw.
 
-use super::{
-    Options,
-    hud::Hud,
-    room_light::RoomLight,
-    views::{CameraFrame, Subject, Views},
-};
+use super::Options;
 use crate::animate::posed::Posed;
-use crate::engine::{Engine, RelightInput};
+use crate::engine::{Engine, EngineError, RelightInput};
 use crate::light::prefilter::Wanted;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
@@ -15,8 +10,7 @@ use crate::model::{
     frame::{Exposure, RawFrame},
     image::HdrImage,
     light::{Lights, RadianceSh},
-    picture::{Picture, PictureView},
-    quality::Quality,
+    picture::Picture,
     response::Response,
     scene::Scene,
     time::Timestamp,
@@ -26,31 +20,59 @@ use crate::plan::{
     FramePlan,
     effects::{self, Occasion},
 };
+use crate::present::{
+    hud::Hud,
+    room_light::RoomLight,
+    views::{CameraFrame, Subject, Views},
+};
 use glam::Vec3;
 use std::sync::Arc;
 
+/// Gray of a picture before the first frame.
+const BEFORE_THE_FIRST: [u8; 3] = [72; 3];
+
+/// What a picture is drawn from, besides its pose.
+#[derive(Clone, Copy)]
+pub struct PictureParts<'a> {
+    /// The camera's picture, linear.
+    pub background: &'a HdrImage,
+    /// Its lens.
+    pub lens: &'a Lens,
+    /// The way back to 8 bits.
+    pub response: &'a Response,
+    /// The light, where it is known; in a known room it is not asked for.
+    pub light: Option<&'a Lights>,
+    /// What mirrors and sharp gloss see, where the light was measured.
+    pub environment: Option<&'a EnvironmentPicture>,
+    /// Time of the frame.
+    pub t: Timestamp,
+    /// What of the frame matters to the picture.
+    pub of_frame: CameraFrame<'a>,
+}
+
 /// Plans and draws.
 pub struct Presenting {
-    scene: Scene,
+    scene: Arc<Scene>,
     posed: Posed,
     /// The scene's time 0: the first picture's.
     start: Option<Timestamp>,
     nothing: Scene,
     plan: FramePlan,
     picture: Picture,
-    quality: Quality,
     shown_exposure: ShownExposure,
-    view: PictureView,
     views: Views,
     /// Text over the picture, where it is wanted.
-    hud: Option<Hud>,
+    hud: Hud,
+    /// The last picture with a text over it, for the time that no frame comes.
+    held: Picture,
+    held_text: Hud,
     /// The room that the scene stands in, which the engine was given.
     room: Option<RoomLight>,
 }
 
 impl Presenting {
     /// Takes the scene that the engine was given, to plan with.
-    pub fn new(scene: Scene, options: &Options) -> Self {
+    pub fn new(scene: Arc<Scene>, options: &Options) -> Self {
         Self {
             posed: Posed::new(&scene),
             scene,
@@ -58,11 +80,11 @@ impl Presenting {
             nothing: Scene::default(),
             plan: FramePlan::default(),
             picture: Picture::default(),
-            quality: options.quality,
             shown_exposure: ShownExposure::new(options),
-            view: options.view,
             views: Views::keeping(),
-            hud: options.hud.then(Hud::default),
+            hud: Hud::default(),
+            held: Picture::default(),
+            held_text: Hud::default(),
             room: None,
         }
     }
@@ -82,21 +104,16 @@ impl Presenting {
         self.room.is_some()
     }
 
-    /// Draws with other settings from now on.
-    pub fn retune(&mut self, options: &Options) {
-        self.quality = options.quality;
-        self.view = options.view;
-        if options.hud != self.hud.is_some() {
-            self.hud = options.hud.then(Hud::default);
-        }
+    /// Chooses the exposure of shown pictures anew, where another one is asked for.
+    pub fn choose_exposure(&mut self, options: &Options) {
         if self.shown_exposure.asked != options.shown_exposure {
             self.shown_exposure = ShownExposure::new(options);
         }
     }
 
-    /// Changes the scene, which the engine has then to be given; time in it goes on.
-    pub fn change_scene(&mut self, change: impl FnOnce(&mut Scene)) {
-        change(&mut self.scene);
+    /// Draws another scene from now on, which the engine has to be given; time in it goes on.
+    pub fn change_scene(&mut self, scene: Arc<Scene>) {
+        self.scene = scene;
         self.posed = Posed::new(&self.scene);
         // Views that have a scene of their own make it from the new one.
         self.views = Views::keeping();
@@ -107,53 +124,44 @@ impl Presenting {
         self.shown_exposure.see(frame);
     }
 
-    /// Draws the virtual objects into the picture; `Err` says why it could not.
-    #[allow(clippy::too_many_arguments, reason = "all that one picture is drawn from")]
+    /// Draws the virtual objects into the picture, as seen from a camera in that pose.
     pub fn relit(
         &mut self,
         engine: &mut dyn Engine,
-        background: &HdrImage,
-        lens: &Lens,
+        parts: &PictureParts<'_>,
         world_from_camera: &Pose,
-        light: Option<&Lights>,
-        environment: Option<&EnvironmentPicture>,
-        response: &Response,
-        t: Timestamp,
-        frame: CameraFrame<'_>,
-    ) -> Result<(), &'static str> {
-        let start = *self.start.get_or_insert(t);
-        self.posed.update(&self.scene, t.seconds_since(start));
+        options: &Options,
+    ) -> Result<(), EngineError> {
+        let start = *self.start.get_or_insert(parts.t);
+        self.posed.update(&self.scene, parts.t.seconds_since(start));
         let middle = self.room.as_ref().map_or(Vec3::ZERO, |_| self.middle_of_objects());
         let in_room = self.room.as_ref().map(|room| room.lights_at(middle));
-        let light = in_room.as_ref().or(light).ok_or("light not measured yet")?;
+        let no_light = || EngineError::Input("light not measured yet".into());
+        let light = in_room.as_ref().or(parts.light).ok_or_else(no_light)?;
         let wanted = Wanted::by(&self.scene, light.global.order);
         let environment = match &mut self.room {
             Some(room) => room.picture_at(middle, wanted),
-            None => environment,
+            None => parts.environment,
         };
         let input = RelightInput {
-            background,
-            lens,
+            background: parts.background,
+            lens: parts.lens,
             world_from_camera,
             light,
             environment,
             posed: Some(&self.posed),
-            response,
+            response: parts.response,
             shown_exposure: self.shown_exposure.chosen,
-            t,
+            t: parts.t,
         };
         let subject = Subject {
             scene: &self.scene,
             input: &input,
-            quality: &self.quality,
+            quality: &options.quality,
             samples: None,
-            frame: Some(frame),
+            frame: Some(parts.of_frame),
         };
-        let drawn = self.views.draw(self.view, engine, &subject, &mut self.plan, &mut self.picture);
-        drawn.map_err(|error| {
-            tracing::warn!("shown without virtual objects: {error}");
-            "the engine could not draw"
-        })
+        self.views.draw(options.view, engine, &subject, &mut self.plan, &mut self.picture)
     }
 
     fn middle_of_objects(&self) -> Vec3 {
@@ -167,30 +175,28 @@ impl Presenting {
     pub fn passed_through(
         &mut self,
         engine: &mut dyn Engine,
-        background: &HdrImage,
-        lens: &Lens,
-        response: &Response,
+        parts: &PictureParts<'_>,
         frame: &RawFrame,
-        of_frame: CameraFrame<'_>,
+        options: &Options,
     ) {
-        let dark = Lights::soft(RadianceSh::zero(self.quality.sh_order));
+        let dark = Lights::soft(RadianceSh::zero(options.quality.sh_order));
         let occasion = Occasion {
             merge: true,
-            ball: of_frame.reads_ball,
-            project: of_frame.reads_ball,
-            camera: Some((lens, &Pose::IDENTITY)),
-            camera_picture: of_frame.shown_as_it_is.is_some(),
+            ball: parts.of_frame.reads_ball,
+            project: parts.of_frame.reads_ball,
+            camera: Some((parts.lens, &Pose::IDENTITY)),
+            camera_picture: parts.of_frame.shown_as_it_is.is_some(),
             ..Occasion::SHOW
         };
-        effects::plan(&occasion, &self.nothing, &dark, &self.quality, &mut self.plan);
+        effects::plan(&occasion, &self.nothing, &dark, &options.quality, &mut self.plan);
         let input = RelightInput {
-            background,
-            lens,
+            background: parts.background,
+            lens: parts.lens,
             world_from_camera: &Pose::IDENTITY,
             light: &dark,
             environment: None,
             posed: None,
-            response,
+            response: parts.response,
             shown_exposure: self.shown_exposure.chosen,
             t: frame.t_mid,
         };
@@ -203,17 +209,32 @@ impl Presenting {
         }
     }
 
-    /// A line of text for the next picture.
-    pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
-        if let Some(hud) = &mut self.hud {
-            hud.note(line);
+    /// The last picture with a text over it; plain gray, as large as the lens says, before the first.
+    pub fn hold(&mut self, says: &str, lens: &Lens) -> &Picture {
+        let (shown, held) = (&self.picture.display, &mut self.held);
+        held.t = self.picture.t;
+        if shown.pixels().is_empty() {
+            let (width, height) = (lens.width as usize, lens.height as usize);
+            held.display.reshape(width, height, BEFORE_THE_FIRST);
+            held.display.pixels_mut().fill(BEFORE_THE_FIRST);
+        } else {
+            held.display.reshape(shown.width(), shown.height(), [0; 3]);
+            held.display.pixels_mut().copy_from_slice(shown.pixels());
         }
+        self.held_text.note(format_args!("{says}"));
+        self.held_text.draw(&FramePlan::default(), &mut held.display);
+        held
+    }
+
+    /// A line of text for the next picture that has text over it.
+    pub fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        self.hud.note(line);
     }
 
     /// Lays the text over the picture, where it is wanted.
-    pub fn lay_text_over(&mut self) {
-        if let Some(hud) = &mut self.hud {
-            hud.draw(&self.plan, &mut self.picture.display);
+    pub fn lay_text_over(&mut self, is_wanted: bool) {
+        if is_wanted {
+            self.hud.draw(&self.plan, &mut self.picture.display);
         }
     }
 
@@ -224,11 +245,11 @@ impl Presenting {
     }
 
     /// The frame's own pixels, and nothing else.
-    pub fn shown_as_it_is(&mut self, lens: &Lens, frame: &RawFrame) {
-        let dark = Lights::soft(RadianceSh::zero(self.quality.sh_order));
+    pub fn show_as_it_is(&mut self, lens: &Lens, frame: &RawFrame, options: &Options) {
+        let dark = Lights::soft(RadianceSh::zero(options.quality.sh_order));
         let occasion =
             Occasion { camera: Some((lens, &Pose::IDENTITY)), camera_picture: true, ..Occasion::SHOW };
-        effects::plan(&occasion, &self.nothing, &dark, &self.quality, &mut self.plan);
+        effects::plan(&occasion, &self.nothing, &dark, &options.quality, &mut self.plan);
         self.copy(frame);
     }
 
@@ -239,7 +260,7 @@ impl Presenting {
     }
 
     /// What is drawn.
-    pub fn scene(&self) -> &Scene {
+    pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 

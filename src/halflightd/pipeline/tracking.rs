@@ -1,15 +1,21 @@
 //! Tags are looked for on a thread of their own, one picture at a time; the pose over time is kept here.
+//!
+//! The thread is worth having because a picture can be searched before its turn: live as soon as it has come
+//! ([`EarlySearch`]), while the one before it is drawn.
 
 use crate::model::{
-    estimate::PoseEstimate, frame::RawFrame, image::Image, response::Response, rig::Rig, time::Timestamp,
+    estimate::PoseEstimate, frame::RawFrame, image::Image, imu::ImuSample, response::Response, rig::Rig,
+    time::Timestamp,
 };
 pub use crate::track::state::{FollowOptions, TrackState, Update};
 use crate::track::{
     edges::table_of_response,
+    fuse::{FuseOptions, Fuser},
     tag::{Region, TagDetection, TagDetector, TagError, TagOptions, gray_of},
 };
 use std::{
     sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread::JoinHandle,
 };
 
@@ -73,16 +79,107 @@ struct Job {
     fault: Option<TagError>,
 }
 
+/// What is on its way to and from the thread, and what came of it.
+struct SearchDesk {
+    state: TrackState,
+    /// The pose between tags, where there is an inertial sensor.
+    fuser: Fuser,
+    jobs: Option<SyncSender<Job>>,
+    done: Receiver<Job>,
+    /// `None` while the thread has it.
+    idle: Option<Job>,
+    /// The picture that the thread has.
+    under_way: Option<(u64, Timestamp)>,
+    linear_of_value: Option<Box<[f32; 256]>>,
+}
+
 /// Follows the camera: pictures in, poses out. At most one picture is under way; with `submit` followed by
 /// `collect(true)` everything is in lockstep, and equal pictures give equal poses.
 pub struct Tracker {
-    state: TrackState,
-    jobs: Option<SyncSender<Job>>,
-    done: Receiver<Job>,
+    desk: Arc<Mutex<SearchDesk>>,
     thread: Option<JoinHandle<()>>,
-    /// `None` while the thread has it.
-    idle: Option<Job>,
-    linear_of_value: Option<Box<[f32; 256]>>,
+    lens_size: (u32, u32),
+}
+
+/// Has pictures searched before their turn, from any thread.
+#[derive(Clone)]
+pub struct EarlySearch(Arc<Mutex<SearchDesk>>);
+
+impl EarlySearch {
+    /// Has a picture searched now, where nothing else is. Never waits. Returns whether the search has begun.
+    pub fn offer(&self, frame: &RawFrame) -> bool {
+        // Somebody who waits for a search holds the lock; there is nothing to begin then.
+        let Ok(mut desk) = self.0.try_lock() else { return false };
+        desk.submit(frame).unwrap_or(false)
+    }
+}
+
+fn lock(desk: &Mutex<SearchDesk>) -> MutexGuard<'_, SearchDesk> {
+    // Every change of the desk leaves it whole.
+    desk.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl SearchDesk {
+    /// The pose where a tag was seen; between tags by the inertial sensor, where it gives samples, else by the velocity.
+    fn pose_at(&self, t: Timestamp) -> Option<PoseEstimate> {
+        match self.fuser.sample_counts().taken {
+            0 => self.state.pose_at(t),
+            _ => self.fuser.pose_at(t),
+        }
+    }
+
+    fn submit(&mut self, frame: &RawFrame) -> Result<bool, TrackingError> {
+        let (width, height) = (frame.pixels.width(), frame.pixels.height());
+        let lens = (self.state.rig().lens.width, self.state.rig().lens.height);
+        if (width, height) != (lens.0 as usize, lens.1 as usize) {
+            return Err(TrackingError::Size { width, height, lens });
+        }
+        let Some(mut job) = self.idle.take() else { return Ok(false) };
+        job.regions.clear();
+        if let Some(regions) = self.state.search(frame.t_mid) {
+            job.regions.extend_from_slice(regions);
+        }
+        job.whole = job.regions.is_empty();
+        job.linear_of_value = self.linear_of_value.take();
+        job.frame = Some(frame.clone());
+        self.under_way = Some((frame.sequence, frame.t_mid));
+        let jobs = self.jobs.as_ref().ok_or(TrackingError::Stopped)?;
+        jobs.send(job).map_err(|_closed| TrackingError::Stopped)?;
+        Ok(true)
+    }
+
+    fn collect(&mut self, block: bool) -> Result<Option<Tracked>, TrackingError> {
+        if self.idle.is_some() {
+            return Ok(None);
+        }
+        let mut job = if block {
+            self.done.recv().map_err(|_closed| TrackingError::Stopped)?
+        } else {
+            match self.done.try_recv() {
+                Ok(job) => job,
+                Err(TryRecvError::Empty) => return Ok(None),
+                Err(TryRecvError::Disconnected) => return Err(TrackingError::Stopped),
+            }
+        };
+        self.under_way = None;
+        let (frame, fault, whole) = (job.frame.take(), job.fault.take(), job.whole);
+        let result = match (fault, frame) {
+            (Some(fault), _) => Err(fault.into()),
+            (None, None) => Err(TrackingError::Stopped),
+            (None, Some(frame)) => {
+                let t = frame.t_mid;
+                let update = self.state.update(t, &job.found);
+                if let Some(measured) = self.state.pose_at(t) {
+                    // Takes what was measured, and nothing else.
+                    self.fuser.tag(&measured);
+                }
+                let estimate = self.pose_at(t);
+                Ok(Some(Tracked { sequence: frame.sequence, t, update, estimate, whole }))
+            }
+        };
+        self.idle = Some(job);
+        result
+    }
 }
 
 impl Tracker {
@@ -115,110 +212,91 @@ impl Tracker {
             .spawn(work)
             .map_err(TrackingError::Thread)?;
         ready.recv().map_err(|_closed| TrackingError::Stopped)??;
-        Ok(Self {
+        let desk = SearchDesk {
             state: TrackState::new(rig.clone(), options.follow),
+            fuser: Fuser::new(FuseOptions::default()),
             jobs: Some(jobs),
             done,
-            thread: Some(thread),
             idle: Some(Job::default()),
+            under_way: None,
             linear_of_value: None,
-        })
+        };
+        let lens_size = (rig.lens.width, rig.lens.height);
+        Ok(Self { desk: Arc::new(Mutex::new(desk)), thread: Some(thread), lens_size })
     }
 
-    /// The pose over time: ask it for any moment, e.g. the one when a picture will be shown.
-    pub fn state(&self) -> &TrackState {
-        &self.state
+    /// Has pictures searched before their turn.
+    pub fn early(&self) -> EarlySearch {
+        EarlySearch(Arc::clone(&self.desk))
     }
 
-    /// The rig that is followed.
-    pub fn rig(&self) -> &Rig {
-        self.state.rig()
+    /// The best that is known of the pose at a moment; `None` before the first tag.
+    pub fn pose_at(&self, t: Timestamp) -> Option<PoseEstimate> {
+        lock(&self.desk).pose_at(t)
+    }
+
+    /// Takes an inertial sample: from the first one on, poses between tags are turned by the gyroscope.
+    pub fn sense(&mut self, sample: &ImuSample) {
+        lock(&self.desk).fuser.imu(sample);
     }
 
     /// Uses the camera's own response from the next picture on: corners are found in linear light.
     pub fn set_response(&mut self, response: &Response) {
-        self.linear_of_value = Some(Box::new(table_of_response(response)));
+        lock(&self.desk).linear_of_value = Some(Box::new(table_of_response(response)));
     }
 
     /// Forgets all measurements, e.g. when a recording starts again. A picture under way still counts.
     pub fn reset(&mut self) {
-        self.state.reset();
+        let mut desk = lock(&self.desk);
+        desk.state.reset();
+        desk.fuser.reset();
     }
 
     /// Whether a picture is under way.
-    pub fn busy(&self) -> bool {
-        self.idle.is_none()
+    pub fn is_busy(&self) -> bool {
+        lock(&self.desk).idle.is_none()
     }
 
     /// Hands a picture to the thread. `false` where one is still under way: collect it first, or let this one go
     /// (the next is newer).
     pub fn submit(&mut self, frame: &RawFrame) -> Result<bool, TrackingError> {
-        let (width, height) = (frame.pixels.width(), frame.pixels.height());
-        let lens = (self.rig().lens.width, self.rig().lens.height);
-        if (width, height) != (lens.0 as usize, lens.1 as usize) {
-            return Err(TrackingError::Size { width, height, lens });
-        }
-        let Some(mut job) = self.idle.take() else { return Ok(false) };
-        job.regions.clear();
-        if let Some(regions) = self.state.search(frame.t_mid) {
-            job.regions.extend_from_slice(regions);
-        }
-        job.whole = job.regions.is_empty();
-        job.linear_of_value = self.linear_of_value.take();
-        job.frame = Some(frame.clone());
-        let jobs = self.jobs.as_ref().ok_or(TrackingError::Stopped)?;
-        jobs.send(job).map_err(|_closed| TrackingError::Stopped)?;
-        Ok(true)
+        lock(&self.desk).submit(frame)
     }
 
     /// Takes the picture that was under way, waiting for it if `block`. `None` where none is, or it is not done.
     /// A picture that the detector refuses is an error and changes nothing.
     pub fn collect(&mut self, block: bool) -> Result<Option<Tracked>, TrackingError> {
-        if self.idle.is_some() {
-            return Ok(None);
-        }
-        let mut job = if block {
-            self.done.recv().map_err(|_closed| TrackingError::Stopped)?
-        } else {
-            match self.done.try_recv() {
-                Ok(job) => job,
-                Err(TryRecvError::Empty) => return Ok(None),
-                Err(TryRecvError::Disconnected) => return Err(TrackingError::Stopped),
-            }
-        };
-        let (frame, fault, whole) = (job.frame.take(), job.fault.take(), job.whole);
-        let result = match (fault, frame) {
-            (Some(fault), _) => Err(fault.into()),
-            (None, None) => Err(TrackingError::Stopped),
-            (None, Some(frame)) => {
-                let t = frame.t_mid;
-                let update = self.state.update(t, &job.found);
-                let estimate = self.state.pose_at(t);
-                Ok(Some(Tracked { sequence: frame.sequence, t, update, estimate, whole }))
-            }
-        };
-        self.idle = Some(job);
-        result
+        lock(&self.desk).collect(block)
     }
 
-    /// In lockstep: hands the picture over, waits, and gives the best that is known of the pose at its time (see
-    /// `Tracked::estimate`). A picture still under way is collected first.
+    /// Waits for a picture's search, which may have begun before its turn, and gives the best that is known of the pose at
+    /// its time (see `Tracked::estimate`). A search of another picture under way is collected first: where it is older, it
+    /// is one more measurement.
     pub fn track(&mut self, frame: &RawFrame) -> Result<Option<PoseEstimate>, TrackingError> {
-        self.collect(true)?;
-        self.submit(frame)?;
-        Ok(self.collect(true)?.and_then(|tracked| tracked.estimate))
+        let (width, height) = (frame.pixels.width(), frame.pixels.height());
+        let lens = self.lens_size;
+        if (width, height) != (lens.0 as usize, lens.1 as usize) {
+            return Err(TrackingError::Size { width, height, lens });
+        }
+        let mut desk = lock(&self.desk);
+        if desk.under_way != Some((frame.sequence, frame.t_mid)) {
+            desk.collect(true)?;
+            desk.submit(frame)?;
+        }
+        Ok(desk.collect(true)?.and_then(|tracked| tracked.estimate))
     }
 
-    /// The tags found in the picture collected last, known ones and others; empty while one is under way.
-    pub fn detections(&self) -> &[TagDetection] {
-        self.idle.as_ref().map_or(&[], |job| &job.found)
+    /// Does something with the tags found in the picture collected last, known ones and others; none while one is under way.
+    pub fn with_detections<R>(&self, look: impl FnOnce(&[TagDetection]) -> R) -> R {
+        let desk = lock(&self.desk);
+        look(desk.idle.as_ref().map_or(&[], |job| &job.found))
     }
 }
 
 impl Drop for Tracker {
     fn drop(&mut self) {
         // Closing the channel ends the thread after the picture that it has.
-        self.jobs = None;
+        lock(&self.desk).jobs = None;
         if let Some(thread) = self.thread.take() {
             // A panic there has been printed; there is nobody left to tell.
             let _ = thread.join();
@@ -300,7 +378,7 @@ mod tests {
     #[test]
     fn follows_through_dark_pictures() {
         let mut tracker = start();
-        assert!(tracker.state().pose_at(Timestamp(0)).is_none());
+        assert!(tracker.pose_at(Timestamp(0)).is_none());
         let (mut worst_measured, mut worst_predicted) = (0.0f64, 0.0f64);
         for k in 0..12u64 {
             let seconds = k as f64 / 30.0;
@@ -319,7 +397,7 @@ mod tests {
                 worst_measured = worst_measured.max(off);
             }
             assert_eq!(tracked.whole, k == 0, "after the first hit only regions are searched");
-            assert_eq!(tracker.detections().len(), usize::from(!dark));
+            assert_eq!(tracker.with_detections(<[_]>::len), usize::from(!dark));
         }
         // At 0.46 m; the camera moves 3.3 mm between pictures.
         assert!(worst_measured < 5e-4, "{worst_measured}");
@@ -335,22 +413,82 @@ mod tests {
         assert_eq!(run(), run());
     }
 
+    /// How the camera turns, its own axes.
+    fn turning_rad_s(seconds: f64) -> [f64; 3] {
+        const STEP_S: f64 = 1e-3;
+        let [before, after] = [-0.5, 0.5].map(|half| camera(seconds + half * STEP_S).rotation);
+        ((before.inverse() * after).to_scaled_axis() / STEP_S).to_array()
+    }
+
+    /// A camera that turns while its tag is hidden: the gyroscope knows.
+    #[test]
+    fn between_tags_the_gyroscope_turns_the_pose() {
+        let (mut plain, mut sensed) = (start(), start());
+        let seen = |k: u64| frame(k, k as f64 / 30.0, k >= 4);
+        let rate_rad_s = 0.8;
+        for k in 0..8u64 {
+            for step in 0..7 {
+                let t = Timestamp::from_seconds((k as f64 + f64::from(step) / 7.0 - 1.0) / 30.0);
+                // As the camera truly turns, and otherwise while nobody sees.
+                let gyro_rad_s =
+                    if t > seen(3).t_mid { [0.0, rate_rad_s, 0.0] } else { turning_rad_s(t.seconds()) };
+                sensed.sense(&ImuSample { t, gyro_rad_s, accel_m_s2: [0.0; 3] });
+            }
+            let (without, with) = (plain.track(&seen(k)).unwrap(), sensed.track(&seen(k)).unwrap());
+            if k < 4 {
+                assert_eq!(without, with, "where the tag is found nothing changes");
+            }
+        }
+        let turned = |tracker: &Tracker| {
+            let [before, after] = [3, 7].map(|k| tracker.pose_at(seen(k).t_mid));
+            before.zip(after).map(|(b, a)| b.world_from_camera.angle_to(&a.world_from_camera)).unwrap()
+        };
+        let expected = rate_rad_s * 4.0 / 30.0;
+        let [without, with] = [turned(&plain), turned(&sensed)];
+        assert!((with - expected).abs() < 0.02, "{with}, not {expected}");
+        assert!((without - expected).abs() > 0.05, "{without}");
+    }
+
+    /// What is searched before its turn, in order or not, gives the same poses in the end.
+    #[test]
+    fn a_search_before_its_turn_gives_the_same_pose() {
+        let frames: Vec<RawFrame> = (0..5).map(|k| frame(k, k as f64 / 30.0, false)).collect();
+        let mut plain = start();
+        let expected: Vec<_> = frames.iter().map(|f| plain.track(f).unwrap()).collect();
+        let mut tracker = start();
+        let early = tracker.early();
+        let mut found = Vec::new();
+        for (k, frame) in frames.iter().enumerate() {
+            found.push(tracker.track(frame).unwrap());
+            if let Some(next) = frames.get(k + 1) {
+                assert!(early.offer(next), "nothing is under way");
+                assert!(!early.offer(next), "one at a time");
+            }
+        }
+        assert_eq!(found, expected);
+        // A picture that was searched and then passed over is one more measurement.
+        let mut tracker = start();
+        tracker.track(&frames[0]).unwrap();
+        assert!(tracker.early().offer(&frames[1]));
+        assert_eq!(tracker.track(&frames[2]).unwrap(), expected[2]);
+    }
+
     #[test]
     fn one_picture_at_a_time_and_clear_refusals() {
         let mut tracker = start();
         assert_eq!(tracker.collect(true).unwrap(), None);
         let one = frame(0, 0.0, false);
         assert!(tracker.submit(&one).unwrap());
-        assert!(tracker.busy());
+        assert!(tracker.is_busy());
         assert!(!tracker.submit(&one).unwrap());
         assert!(tracker.collect(true).unwrap().is_some());
-        assert!(!tracker.busy());
+        assert!(!tracker.is_busy());
         // The same time again is left out.
         assert_eq!(lockstep(&mut tracker, &one).update, Update::Stale);
         let small = RawFrame { pixels: Arc::new(Rgb8Image::filled(160, 120, [0; 3])), ..one };
         let error = tracker.submit(&small).unwrap_err().to_string();
         assert_eq!(error, "tracking: a picture of 160 x 120 pixels: must be 320 x 240 as the lens is");
-        assert!(!tracker.busy());
+        assert!(!tracker.is_busy());
         for decimate in [0.0, 1.5, 99.0, f32::NAN] {
             let error = Tracker::start(&rig(), decimate, 0.8).err().expect("refused").to_string();
             assert!(error.contains(&format!("decimate = {decimate}: must be a whole number")), "{error}");

@@ -9,7 +9,7 @@ use crate::model::{
 use glam::{Mat3, Vec3};
 use sha2::{Digest, Sha256};
 
-/// Albedo of real surfaces that nothing is known of: as `pipeline::gray_place` draws them. Shadows as a ratio do not
+/// Albedo of real surfaces that nothing is known of: as `present::gray_place` draws them. Shadows as a ratio do not
 /// depend on it while nothing reflects twice.
 pub const UNKNOWN_ALBEDO: f32 = 0.5;
 

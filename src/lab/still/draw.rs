@@ -10,8 +10,8 @@ use crate::model::{
     quality::Quality,
     time::Timestamp,
 };
-use crate::pipeline::views::{Subject, Views};
 use crate::plan::{FramePlan, PassTiming};
+use crate::present::views::{Subject, Views};
 
 /// A still that was drawn.
 #[derive(Clone, Debug)]
@@ -49,6 +49,7 @@ impl Still {
         exposure_s: Option<f64>,
         repeat: usize,
     ) -> Result<Drawn, EngineError> {
+        engine.ask_for_linear(true);
         engine.load_room(self.room.clone())?;
         engine.load_scene(&self.scene)?;
         let mut plan = FramePlan::default();

@@ -12,7 +12,7 @@ pub(crate) use of_scene::faces_up;
 pub use of_scene::{compose_scene, of_scene};
 
 use crate::animate::posed::Posed;
-use crate::daemon::{blocker_spheres, host::Host, vertex_transfer};
+use crate::daemon::{dress::dress, host::Host};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -100,8 +100,7 @@ impl Composition {
     /// light is halved by them.
     pub fn still(&self, quality: &Quality, host: &Host<'_>) -> Still {
         let mut scene = self.scene.clone();
-        blocker_spheres::fit(&mut scene, quality.spheres, host.progress);
-        vertex_transfer::bake(&mut scene, quality, host.progress);
+        dress(&mut scene, quality, host.progress);
         let HalvedLight { lights, environment } = self.halved(quality);
         Still {
             scene,

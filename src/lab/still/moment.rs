@@ -4,17 +4,18 @@
 use super::far_light::{FarLight, KnownLight};
 use super::{Composition, Quantity};
 use crate::config::settings::{RunMode, Settings};
-use crate::daemon::{host::Host, run::prepare};
-use crate::device::{Truth, clock::ManualClock};
+use crate::daemon::{host::Host, prepare::prepare};
+use crate::device::clock::ManualClock;
 use crate::error::LabError;
 use crate::light::below::BelowHorizon;
-use crate::model::{frame::RawFrame, picture::Picture, scene::Scene, time::Timestamp};
+use crate::model::{scene::Scene, time::Timestamp};
 use crate::pipeline::{
     PipelineError,
-    event::{FrameSink, run as run_events},
-    feed::Lockstep,
     frame::{FrameOutcome, Stage},
+    lockstep::Lockstep,
+    turns::{FinishedFrame, FrameSink, run as run_turns},
 };
+use std::sync::Arc;
 
 /// One frame of a recording.
 pub struct Moment {
@@ -33,13 +34,8 @@ struct NewestFrame {
 }
 
 impl FrameSink for NewestFrame {
-    fn accept(
-        &mut self,
-        _: &RawFrame,
-        _: Option<&Truth>,
-        outcome: &FrameOutcome,
-        _: &Picture,
-    ) -> Result<bool, PipelineError> {
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        let outcome = finished.outcome;
         self.times.push(outcome.stage_ms);
         if !outcome.shown.is_passed_through() {
             // Time in the scene begins with the first picture that has it.
@@ -58,9 +54,9 @@ impl Moment {
     pub fn of(settings: &Settings, frame: u64, host: &Host<'_>) -> Result<Self, LabError> {
         let settings = Settings { mode: RunMode::Lockstep, ..settings.clone() };
         let mut prepared = prepare(&settings, host)?;
-        let (mut clock, mut newest) = (ManualClock::default(), NewestFrame::default());
-        let mut feed = Lockstep::new(prepared.source.as_mut(), &mut clock);
-        run_events(&mut feed, &mut prepared.pipeline, &mut newest, frame)?;
+        let mut newest = NewestFrame::default();
+        let mut events = Lockstep::new(Arc::default(), prepared.source, prepared.imu, ManualClock::default());
+        run_turns(&mut events, &mut prepared.pipeline, &mut newest, frame)?;
         let from = prepared.pipeline.drawn_from();
         let pose = newest.outcome.as_ref().and_then(|o| o.pose);
         let light = newest.outcome.as_ref().and_then(|o| o.light);

@@ -23,7 +23,7 @@ use crate::model::{
     scene::Scene,
 };
 use crate::open_exr::load_radiance;
-use crate::pipeline::gray_place::GrayPlace;
+use crate::present::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 

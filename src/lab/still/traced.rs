@@ -15,7 +15,7 @@ use crate::model::{
 };
 use crate::nearfield::prepare::KnownRoom;
 use crate::open_exr::load_radiance;
-use crate::reference::{Emission, Environment, TraceSun, TraceBody, TraceScene};
+use crate::reference::{Emission, Environment, TraceBody, TraceScene, TraceSun};
 use glam::{DMat3, Mat3, Vec3};
 
 /// Texels a side of an environment picture that is not equirectangular, before it is made so.

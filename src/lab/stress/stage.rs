@@ -85,6 +85,7 @@ impl StressStage {
         let mut plan = FramePlan::default();
         let occasion = Occasion { display: self.display, ..Occasion::SHOW };
         effects::plan(&occasion, &self.scene, &self.light, &self.quality, &mut plan);
+        engine.ask_for_linear(true);
         engine.load_scene(&self.scene)?;
         let input = RelightInput {
             background: &background,

@@ -1,17 +1,31 @@
 //! `compose/composite` on the device. Twin: `compose::composite`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        kernel::{BoundGroup, Built, Resource},
-        kernels,
+        exchange::Exchange,
+        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::CompositeParams,
-        recorder::Recorder,
     },
-    model::image::RadianceImage,
-    plan::Pass,
+    plan::{Pass, Product},
+};
+
+/// `compose/composite`: one invocation a pixel.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::Composite,
+    sources: &[source!("compose/composite")],
+    entries: &["composite"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("background", BindingKind::Read),
+        Binding::new("object_layer", BindingKind::Floats),
+        Binding::new("ratios", BindingKind::Uints),
+        Binding::new("radiance", BindingKind::Write),
+    ],
+    structs: &[CompositeParams::LAYOUT],
 };
 
 const PASS: Pass = Pass::Composite;
@@ -30,7 +44,7 @@ pub struct Composite {
 impl Composite {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::COMPOSITE)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.compute(context, "composite")?;
         Ok(Self {
             built,
@@ -40,30 +54,29 @@ impl Composite {
             group: BoundGroup::default(),
         })
     }
+}
 
-    /// Lays the layer over the background; `radiance` gets three floats a pixel.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        background: &RadianceImage,
-        layers: &Layers,
-        radiance: &mut GrowingBuffer,
-    ) -> Result<(), EngineError> {
+impl DevicePass for Composite {
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, .. } = frame;
         let context = recorder.context;
+        let background = &job.input.background.radiance;
         let (width, height) = (background.width() as u32, background.height() as u32);
+        let [x, y] = exchange.object_origin;
+        let has = |product| u32::from(exchange.has(product));
         let params = CompositeParams {
-            size_origin: [width, height, layers.origin[0], layers.origin[1]],
-            layer_scale: layers.layer_scale,
-            present: u32::from(layers.has_objects) | u32::from(layers.has_ratios) << 1,
+            size_origin: [width, height, x, y],
+            layer_scale: 1.0 / job.exposure_of_white(),
+            present: has(Product::ObjectLayer) | has(Product::Ratios) << 1,
             unused: [0; 2],
         };
         let bytes = bytemuck::cast_slice(background.pixels());
         let resources = [
             self.params.write(context, bytemuck::bytes_of(&params)),
             self.background.write(context, bytes),
-            layers.objects.clone(),
-            layers.ratios.clone(),
-            radiance.bind(context, bytes.len()),
+            exchange.object_layer.bind(context),
+            exchange.ratios.bind(context),
+            exchange.radiance.bind(context, bytes.len()),
         ];
         let group = self.group.of(context, &self.built, &resources);
         recorder.compute(PASS, |pass| {
@@ -72,20 +85,4 @@ impl Composite {
             pass.dispatch_workgroups(width.div_ceil(TILE), height.div_ceil(TILE), 1);
         })
     }
-}
-
-/// What is laid over the background.
-pub struct Layers {
-    /// Object layer, a part of the picture; any texture where there is none.
-    pub objects: Resource,
-    /// That part's first column and row.
-    pub origin: [u32; 2],
-    /// Ratios; any texture where there are none.
-    pub ratios: Resource,
-    /// Whether there is an object layer.
-    pub has_objects: bool,
-    /// Whether there are ratios.
-    pub has_ratios: bool,
-    /// Multiplies the object layer's colours.
-    pub layer_scale: f32,
 }

@@ -5,14 +5,28 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
         context::GpuContext,
-        kernel::{BoundGroup, Built},
-        kernels,
+        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::MergeParams,
-        recorder::{Recorder, Timer},
+        recorder::{Gpu, Recorder},
     },
     hdr::merge_bracket::weight,
     model::{image::HdrImage, response::Response},
     plan::Pass,
+};
+
+/// `hdr/merge_bracket`: one invocation for four pixels (three words of packed bytes).
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::MergeBracket,
+    sources: &[source!("hdr/merge_bracket")],
+    entries: &["merge"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("pictures", BindingKind::Read),
+        Binding::new("tables", BindingKind::Read),
+        Binding::new("radiance", BindingKind::Write),
+        Binding::new("flags", BindingKind::Write),
+    ],
+    structs: &[MergeParams::LAYOUT],
 };
 
 const PASS: Pass = Pass::MergeBracket;
@@ -32,13 +46,14 @@ pub struct MergeBracket {
     flags: GrowingBuffer,
     group: BoundGroup,
     readback: Readback,
+    stamps: Readback,
     host_tables: Vec<f32>,
 }
 
 impl MergeBracket {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::MERGE_BRACKET)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.compute(context, "merge")?;
         Ok(Self {
             built,
@@ -50,6 +65,7 @@ impl MergeBracket {
             flags: GrowingBuffer::storage("merged flags"),
             group: BoundGroup::default(),
             readback: Readback::new("merged picture"),
+            stamps: Readback::new("pass times"),
             host_tables: Vec::new(),
         })
     }
@@ -57,12 +73,12 @@ impl MergeBracket {
     /// Merges a bracket that the twin would accept.
     pub fn run(
         &mut self,
-        context: &GpuContext,
-        timer: &mut Timer,
+        gpu: &mut Gpu,
         bracket: &Bracket<'_>,
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
+        let context = &gpu.context;
         let (width, height) = (bracket.pictures[0].width(), bracket.pictures[0].height());
         let pixels = width * height;
         let quads = pixels.div_ceil(4);
@@ -90,7 +106,7 @@ impl MergeBracket {
         ];
         let group = self.group.of(context, &self.built, &resources);
 
-        let mut recorder = Recorder::new(context, timer);
+        let mut recorder = Recorder::new(context, &mut gpu.timer);
         let groups = quads.div_ceil(LANES as usize) as u32;
         recorder.compute(PASS, |pass| {
             pass.set_pipeline(&self.pipeline);
@@ -101,11 +117,12 @@ impl MergeBracket {
         let (radiance, flags) = (self.radiance.at_least(context, 0), self.flags.at_least(context, 0));
         recorder.copy(radiance, &target, 0, whole_words(radiance_bytes));
         recorder.copy(flags, &target, radiance_bytes as u64, whole_words(flag_bytes));
-        recorder.finish(PASS)?;
+        let work = recorder.send(&mut self.stamps);
+        gpu.finish(work, &mut self.stamps, PASS)?;
 
         out.radiance.reshape(width, height, [0.0; 3]);
         out.flags.reshape(width, height, 0);
-        self.readback.read(context, PASS.name(), radiance_bytes + flag_bytes, |bytes| {
+        self.readback.read(&gpu.context, PASS.name(), radiance_bytes + flag_bytes, |bytes| {
             let (radiance, flags) = bytes.split_at(radiance_bytes);
             let target: &mut [u8] = bytemuck::cast_slice_mut(out.radiance.pixels_mut());
             target.copy_from_slice(&radiance[..pixels * 12]);

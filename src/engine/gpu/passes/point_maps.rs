@@ -1,22 +1,39 @@
 //! `visibility/point_maps` on the device. Twin: `visibility::point_maps`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::SHADOW_MAP_FORMAT,
-        kernel::{BoundGroup, Built, Drawing, Resource},
-        kernels, params,
-        point_pages::{PointPages, Spread},
-        recorder::{Recorder, Targets, cleared},
+        exchange::{Exchange, SHADOW_MAP_FORMAT},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
+        params,
+        recorder::{Targets, cleared},
         scene::Mesh,
         textures::KeptTexture,
-        view,
     },
-    nearfield::frame::{MOST_LIGHTS, NearFrame},
-    plan::Pass,
+    nearfield::frame::MOST_LIGHTS,
+    plan::{Pass, Product},
     visibility::shadow_maps::EMPTY_DEPTH,
+};
+
+/// `visibility/point_maps`: depths of the stand-ins from many lights at once, an instance and a tile each.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::PointMaps,
+    sources: &[source!("shared/point_camera"), source!("visibility/point_maps")],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("page", BindingKind::UniformAtOffset),
+        Binding::new("lights", BindingKind::Uniform),
+    ],
+    structs: &[
+        params::PointCamera::LAYOUT,
+        params::PointCameras::LAYOUT,
+        params::PointPage::LAYOUT,
+        params::PointLights::LAYOUT,
+    ],
 };
 
 const PASS: Pass = Pass::PointMaps;
@@ -27,21 +44,17 @@ const PAGE_STRIDE: usize = 256;
 pub struct PointMaps {
     built: Built,
     pipeline: wgpu::RenderPipeline,
-    cameras: GrowingBuffer,
     pages: GrowingBuffer,
     bytes: Vec<u8>,
     group: BoundGroup,
     casters: Mesh,
     depth: KeptTexture,
-    near_cameras: Box<params::PointCameras>,
-    lights: GrowingBuffer,
-    near_lights: Box<params::PointLights>,
 }
 
 impl PointMaps {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::POINT_MAPS)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.drawing(
             context,
             &Drawing {
@@ -59,37 +72,37 @@ impl PointMaps {
         Ok(Self {
             built,
             pipeline,
-            cameras: GrowingBuffer::uniform("near cameras"),
             pages: GrowingBuffer::uniform("pages of near maps"),
             bytes: Vec::new(),
             group: BoundGroup::default(),
             casters: Mesh::new(),
             depth: KeptTexture::scratch("near depth", wgpu::TextureFormat::Depth32Float),
-            near_cameras: bytemuck::zeroed_box(),
-            lights: GrowingBuffer::uniform("near lights"),
-            near_lights: bytemuck::zeroed_box(),
         })
     }
+}
 
-    /// Draws the stand-ins (`triangles` of the frame's casters) into all views of every light's map: all in one pass, or in as many as
-    /// `spread` and the device's largest texture ask for.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        frame: &NearFrame,
-        triangles: &[[u32; 3]],
-        spread: Spread,
-        pages: &mut PointPages,
-    ) -> Result<(), EngineError> {
-        let context = recorder.context;
-        let cameras = frame.maps().cameras();
-        pages.lay(context, cameras, spread);
-        view::near_cameras(cameras, &mut self.near_cameras);
-        let spread = [pages.tiles(), pages.maps_a_page() as u32, pages.texels()];
-        view::near_lights(frame, spread, &mut self.near_lights);
-        let [.., places] = self.near_lights.tiles_maps_texels_side;
+impl DevicePass for PointMaps {
+    /// Finds the lights, where the host has not drawn their maps for its own use.
+    fn prepare(&mut self, frame: &mut DeviceFrame<'_>, exchange: &Exchange) -> bool {
+        if !exchange.is_on_host(Product::PointMaps) {
+            frame.recorder.host(PASS, || frame.state.find_room_lights(frame.job));
+        }
+        frame.state.note_point_maps();
+        true
+    }
+
+    /// Draws the stand-ins into all views of every light's map: all in one pass, or in as many as `spread` and the device's
+    /// largest texture ask for.
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, state, spread, .. } = frame;
+        let (context, pages) = (recorder.context, &mut exchange.point_maps);
+        let (near, triangles) = (&state.room.frame, state.room.casters());
+        let cameras = near.maps().cameras();
+        pages.lay(context, cameras, *spread);
+        let [near_cameras, near_lights] = pages.write_terms(context, near);
+        let places = pages.places();
         let count = cameras.len().min(MOST_LIGHTS);
-        self.casters.write(context, frame.casters(), triangles);
+        self.casters.write(context, near.casters(), triangles);
         self.bytes.clear();
         for first in (0..count).step_by(pages.maps_a_page()) {
             let (tiles, texels) = (pages.tiles(), pages.texels());
@@ -99,11 +112,8 @@ impl PointMaps {
         }
         self.pages.write(context, &self.bytes);
         let window = self.pages.at_least(context, self.bytes.len()).clone();
-        let resources = [
-            self.cameras.write(context, bytemuck::bytes_of(&*self.near_cameras)),
-            Resource::Window(window, size_of::<params::PointPage>() as u64),
-            self.lights.write(context, bytemuck::bytes_of(&*self.near_lights)),
-        ];
+        let resources =
+            [near_cameras, Resource::Window(window, size_of::<params::PointPage>() as u64), near_lights];
         let group = self.group.of(context, &self.built, &resources);
         let side = pages.tiles() * pages.texels();
         let depth = self.depth.sized(context, side, side, 1);

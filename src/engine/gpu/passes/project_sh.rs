@@ -5,15 +5,29 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback},
         context::GpuContext,
-        kernel::{BoundGroup, Built},
-        kernels,
+        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::ProjectParams,
-        recorder::{Recorder, Timer},
+        recorder::{Gpu, Recorder},
     },
     light::project_sh::LEAF_SAMPLES,
     math::sh::{MAX_COEFFICIENTS, MAX_ORDER},
     model::light::{RadianceSamples, RadianceSh},
     plan::Pass,
+};
+
+/// `light/project_sh`: partial sums of 256 samples each, then one workgroup for each coefficient.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::ProjectSh,
+    sources: &[source!("shared/sh_basis"), source!("light/project_sh")],
+    entries: &["partial_sums", "total"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("directions", BindingKind::Read),
+        Binding::new("radiance", BindingKind::Read),
+        Binding::new("partials", BindingKind::Write),
+        Binding::new("coefficients", BindingKind::Write),
+    ],
+    structs: &[ProjectParams::LAYOUT],
 };
 
 const PASS: Pass = Pass::ProjectSh;
@@ -37,12 +51,13 @@ pub struct ProjectSh {
     coefficients: GrowingBuffer,
     group: BoundGroup,
     readback: Readback,
+    stamps: Readback,
 }
 
 impl ProjectSh {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::PROJECT_SH)?;
+        let built = Built::new(context, &KERNEL)?;
         let (partial_sums, total) =
             (built.compute(context, "partial_sums")?, built.compute(context, "total")?);
         Ok(Self {
@@ -56,17 +71,18 @@ impl ProjectSh {
             coefficients: GrowingBuffer::storage("coefficients"),
             group: BoundGroup::default(),
             readback: Readback::new("coefficients"),
+            stamps: Readback::new("pass times"),
         })
     }
 
     /// Projects; the order is taken into 1..=6.
     pub fn run(
         &mut self,
-        context: &GpuContext,
-        timer: &mut Timer,
+        gpu: &mut Gpu,
         samples: &RadianceSamples,
         order: usize,
     ) -> Result<RadianceSh, EngineError> {
+        let context = &gpu.context;
         let order = order.clamp(1, MAX_ORDER);
         let count = samples.directions.len().min(samples.radiance.len());
         let partials = count.div_ceil(GROUP_SAMPLES);
@@ -82,7 +98,7 @@ impl ProjectSh {
         ];
         let group = self.group.of(context, &self.built, &resources);
 
-        let mut recorder = Recorder::new(context, timer);
+        let mut recorder = Recorder::new(context, &mut gpu.timer);
         for start in (0..count).step_by(PART_SAMPLES) {
             let part = start..(start + PART_SAMPLES).min(count);
             let params = ProjectParams {
@@ -115,8 +131,9 @@ impl ProjectSh {
         }
         let target = self.readback.at_least(context, bytes).clone();
         recorder.copy(self.coefficients.at_least(context, 0), &target, 0, bytes as u64);
-        recorder.finish(PASS)?;
-        self.readback.read(context, PASS.name(), bytes, |bytes| {
+        let work = recorder.send(&mut self.stamps);
+        gpu.finish(work, &mut self.stamps, PASS)?;
+        self.readback.read(&gpu.context, PASS.name(), bytes, |bytes| {
             let rows = bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(bytes);
             for (row, sum) in sh.rgb.iter_mut().zip(rows).take(order * order) {
                 *row = [sum[0], sum[1], sum[2]];

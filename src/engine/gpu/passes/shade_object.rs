@@ -1,29 +1,60 @@
 //! `compose/shade_object` on the device. Twin: `compose::shade_object`, over `compose::raster`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     compose::{geometry::MIRROR_EXPONENT, shade_object::Surroundings},
     gpu::{
-        buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::OBJECT_LAYER_FORMAT,
-        extents::Part,
-        kernel::{BoundGroup, Built, Drawing, Resource},
-        kernels,
+        exchange::{Exchange, OBJECT_LAYER_FORMAT},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
         params::{self, ObjectVertex, SurfaceVertex},
-        recorder::{Recorder, Targets, cleared},
-        scene::{MATERIAL_STRIDE, SceneBuffers},
+        recorder::{Targets, cleared},
+        scene::MATERIAL_STRIDE,
         surroundings::SurroundingsBuffers,
         textures::KeptTexture,
     },
     plan::Pass,
 };
 
+/// `compose/shade_object`: real surfaces and objects into the depth, then objects, four samples a pixel.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::ShadeObject,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/soft_light"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/facet"),
+        source!("shared/surroundings"),
+        source!("compose/shade_object"),
+    ],
+    entries: &["vertex", "fragment", "depth_vertex", "surface_vertex", "depth_fragment"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("light", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("material", BindingKind::UniformAtOffset),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("surroundings", BindingKind::Uniform),
+        Binding::new("environment", BindingKind::Floats),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::LightTerms::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+        params::MaterialTerms::LAYOUT,
+        params::Surroundings::LAYOUT,
+    ],
+};
+
 const PASS: Pass = Pass::ShadeObject;
 
 /// What a material is; the shader's constants in their order.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum MaterialKind {
     Matt,
     Glossy,
     Sharp,
@@ -31,7 +62,7 @@ enum Kind {
     BlurredMirror,
 }
 
-impl Kind {
+impl MaterialKind {
     fn of(surroundings: &Surroundings<'_>, specular_rgb: [f32; 3], exponent: f32) -> Self {
         if exponent == MIRROR_EXPONENT {
             if surroundings.picture.is_some() { Self::Mirror } else { Self::BlurredMirror }
@@ -47,21 +78,21 @@ impl Kind {
 
 /// What a pipeline draws.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Draws {
+enum ObjectDraw {
     /// Depth of real surfaces.
     SurfaceDepth,
     /// Depth of objects.
     Depth,
     /// Objects of a kind, under light with or without bands 4 and 5.
-    Objects(Kind, bool),
+    Objects(MaterialKind, bool),
 }
 
 /// The pipelines made so far, with their samples a pixel.
 #[derive(Default)]
-struct Pipelines(Vec<(u32, Draws, wgpu::RenderPipeline)>);
+struct ObjectPipelines(Vec<(u32, ObjectDraw, wgpu::RenderPipeline)>);
 
-impl Pipelines {
-    fn get(&self, samples: u32, draws: Draws) -> Option<&wgpu::RenderPipeline> {
+impl ObjectPipelines {
+    fn get(&self, samples: u32, draws: ObjectDraw) -> Option<&wgpu::RenderPipeline> {
         self.0.iter().find(|made| (made.0, made.1) == (samples, draws)).map(|made| &made.2)
     }
 
@@ -70,7 +101,7 @@ impl Pipelines {
         context: &GpuContext,
         built: &Built,
         samples: u32,
-        draws: Draws,
+        draws: ObjectDraw,
     ) -> Result<(), EngineError> {
         if self.get(samples, draws).is_none() {
             self.0.push((samples, draws, pipeline(context, built, samples, draws)?));
@@ -82,12 +113,9 @@ impl Pipelines {
 /// The kernel.
 pub struct ShadeObject {
     built: Built,
-    pipelines: Pipelines,
+    pipelines: ObjectPipelines,
     /// Of each material in a frame.
-    kinds: Vec<Kind>,
-    view: GrowingBuffer,
-    light: GrowingBuffer,
-    cameras: GrowingBuffer,
+    kinds: Vec<MaterialKind>,
     surroundings: SurroundingsBuffers,
     group: BoundGroup,
     depth: KeptTexture,
@@ -98,39 +126,32 @@ impl ShadeObject {
     /// Compiles the shader; pipelines follow when they are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
-            built: Built::new(context, &kernels::SHADE_OBJECT)?,
-            pipelines: Pipelines::default(),
+            built: Built::new(context, &KERNEL)?,
+            pipelines: ObjectPipelines::default(),
             kinds: Vec::new(),
-            view: GrowingBuffer::uniform("view"),
-            light: GrowingBuffer::uniform("light"),
-            cameras: GrowingBuffer::uniform("shadow cameras"),
             surroundings: SurroundingsBuffers::new(),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("object depth", wgpu::TextureFormat::Depth32Float),
             samples: KeptTexture::scratch("object samples", OBJECT_LAYER_FORMAT),
         })
     }
+}
 
-    /// Draws the scene's objects into the layer, which becomes `part` of the picture and has to hold all of them;
-    /// `coverage_samples` is 1 or 4.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        scene: &mut SceneBuffers,
-        frame: &Frame<'_>,
-        surroundings: &Surroundings<'_>,
-        coverage_samples: u32,
-        (layer, part): (&mut KeptTexture, Part),
-    ) -> Result<(), EngineError> {
-        let context = recorder.context;
-        let samples = if coverage_samples == 1 { 1 } else { 4 };
-        let has_high_bands = frame.light.order_hard[0] > 4;
+impl DevicePass for ShadeObject {
+    /// Draws the scene's objects into the layer, which becomes a part of the picture that holds all of them.
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, state, scene, .. } = frame;
+        let (context, lens) = (recorder.context, job.input.lens);
+        let surroundings = &job.surroundings(&state.reflected);
+        let samples = if job.quality.coverage_samples == 1 { 1 } else { 4 };
+        let has_high_bands = job.light.order > 4;
         self.kinds.clear();
-        let kind =
-            |(specular_rgb, exponent): &([f32; 3], f32)| Kind::of(surroundings, *specular_rgb, *exponent);
-        self.kinds.extend(scene.shine().iter().map(kind));
-        let objects = self.kinds.iter().map(|kind| Draws::Objects(*kind, has_high_bands));
-        for draws in [Draws::SurfaceDepth, Draws::Depth].into_iter().chain(objects) {
+        let kind = |(specular_rgb, exponent): &([f32; 3], f32)| {
+            MaterialKind::of(surroundings, *specular_rgb, *exponent)
+        };
+        self.kinds.extend(scene.meshes.shine().iter().map(kind));
+        let objects = self.kinds.iter().map(|kind| ObjectDraw::Objects(*kind, has_high_bands));
+        for draws in [ObjectDraw::SurfaceDepth, ObjectDraw::Depth].into_iter().chain(objects) {
             self.pipelines.make(context, &self.built, samples, draws)?;
         }
         let (pipelines, kinds) = (&self.pipelines, &self.kinds);
@@ -141,59 +162,51 @@ impl ShadeObject {
         };
         let [seen, environment] = self.surroundings.write(context, surroundings);
         let resources = [
-            self.view.write(context, bytemuck::bytes_of(frame.view)),
-            self.light.write(context, bytemuck::bytes_of(frame.light)),
-            self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
-            Resource::Window(scene.materials(context), size_of::<params::MaterialTerms>() as u64),
-            frame.shadow_maps.clone(),
+            scene.terms.view.bind(context, 0),
+            scene.terms.light.bind(context, 0),
+            scene.terms.shadow_cameras.bind(context, 0),
+            Resource::Window(scene.meshes.materials(context), size_of::<params::MaterialTerms>() as u64),
+            exchange.bind_shadow_maps(context)?,
             seen,
             environment,
         ];
         let group = self.group.of(context, &self.built, &resources);
+        let seen = scene.meshes.extents().objects_seen(lens, &job.camera);
+        let part = seen.kept_from(exchange.object_layer.size().into(), [lens.width, lens.height]);
+        exchange.object_origin = part.origin;
         let [width, height] = part.size;
         let depth = self.depth.sized(context, width, height, samples);
-        let layer = layer.sized(context, width, height, 1);
+        let layer = exchange.object_layer.sized(context, width, height, 1);
         let nothing = wgpu::Color::TRANSPARENT;
         let color = if samples == 1 {
             cleared(layer, None, nothing)
         } else {
             cleared(self.samples.sized(context, width, height, samples), Some(layer), nothing)
         };
+        let meshes = &mut scene.meshes;
         recorder.draw(PASS, Targets { color, depth: Some((depth, 0.0)) }, |pass| {
             // The whole picture's, as it lies around the part.
             let [x, y] = part.origin.map(|first| -(first as f32));
-            pass.set_viewport(x, y, frame.view.frame[0], frame.view.frame[1], 0.0, 1.0);
-            set(pass, Draws::SurfaceDepth);
+            pass.set_viewport(x, y, lens.width as f32, lens.height as f32, 0.0, 1.0);
+            set(pass, ObjectDraw::SurfaceDepth);
             pass.set_bind_group(0, group, &[0]);
-            scene.draw_surfaces(context, pass);
-            set(pass, Draws::Depth);
-            scene.draw_objects(context, pass, |_, _| {});
-            scene.draw_objects(context, pass, |pass, material| {
-                let kind = kinds.get(material as usize).copied().unwrap_or(Kind::Matt);
-                set(pass, Draws::Objects(kind, has_high_bands));
+            meshes.draw_surfaces(context, pass);
+            set(pass, ObjectDraw::Depth);
+            meshes.draw_objects(context, pass, |_, _| {});
+            meshes.draw_objects(context, pass, |pass, material| {
+                let kind = kinds.get(material as usize).copied().unwrap_or(MaterialKind::Matt);
+                set(pass, ObjectDraw::Objects(kind, has_high_bands));
                 pass.set_bind_group(0, group, &[material * MATERIAL_STRIDE as u32]);
             });
         })
     }
 }
 
-/// What shading a frame reads.
-pub struct Frame<'a> {
-    /// Camera and lens.
-    pub view: &'a params::View,
-    /// The light.
-    pub light: &'a params::LightTerms,
-    /// The shadow maps' cameras.
-    pub cameras: &'a params::ShadowCameras,
-    /// The maps.
-    pub shadow_maps: &'a Resource,
-}
-
 fn pipeline(
     context: &GpuContext,
     built: &Built,
     samples: u32,
-    draws: Draws,
+    draws: ObjectDraw,
 ) -> Result<wgpu::RenderPipeline, EngineError> {
     let depth = Drawing {
         vertex: "depth_vertex",
@@ -207,8 +220,8 @@ fn pipeline(
         constants: &[],
     };
     match draws {
-        Draws::Depth => built.drawing(context, &depth),
-        Draws::SurfaceDepth => built.drawing(
+        ObjectDraw::Depth => built.drawing(context, &depth),
+        ObjectDraw::SurfaceDepth => built.drawing(
             context,
             &Drawing {
                 vertex: "surface_vertex",
@@ -217,7 +230,7 @@ fn pipeline(
                 ..depth
             },
         ),
-        Draws::Objects(kind, has_high_bands) => built.drawing(
+        ObjectDraw::Objects(kind, has_high_bands) => built.drawing(
             context,
             &Drawing {
                 vertex: "vertex",

@@ -1,20 +1,48 @@
 //! `compose/shade_surface` on the device. Twin: `compose::shade_surface`.
 
-use super::shade_object::Frame;
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::RATIOS_FORMAT,
-        kernel::{BoundGroup, Built, Drawing, Resource},
-        kernels,
+        exchange::{Exchange, RATIOS_FORMAT, untouched},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
         params::{self, SurfaceVertex},
-        recorder::{Recorder, Targets, cleared},
-        scene::SceneBuffers,
+        recorder::{Targets, cleared},
         textures::KeptTexture,
     },
-    plan::Pass,
+    plan::{Pass, Product},
+};
+
+/// `compose/shade_surface`: the nearest real surface at each pixel's centre, as a ratio.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::ShadeSurface,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/soft_light"),
+        source!("shared/shadow_camera"),
+        source!("shared/shadow_lookup"),
+        source!("shared/facet"),
+        source!("compose/shade_surface"),
+    ],
+    entries: &["vertex", "fragment"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("light", BindingKind::Uniform),
+        Binding::new("cameras", BindingKind::Uniform),
+        Binding::new("shadow_maps", BindingKind::UintLayers),
+        Binding::new("soft", BindingKind::Uniform),
+        Binding::new("soft_picture", BindingKind::Uints),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::LightTerms::LAYOUT,
+        params::ShadowCamera::LAYOUT,
+        params::ShadowCameras::LAYOUT,
+        params::SoftPicture::LAYOUT,
+    ],
 };
 
 const PASS: Pass = Pass::ShadeSurface;
@@ -24,9 +52,6 @@ pub struct ShadeSurface {
     built: Built,
     /// Without and with bands 4 and 5 of the light.
     pipelines: [Option<wgpu::RenderPipeline>; 2],
-    view: GrowingBuffer,
-    light: GrowingBuffer,
-    cameras: GrowingBuffer,
     soft: GrowingBuffer,
     group: BoundGroup,
     depth: KeptTexture,
@@ -36,52 +61,45 @@ impl ShadeSurface {
     /// Compiles the shader; pipelines follow when they are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
-            built: Built::new(context, &kernels::SHADE_SURFACE)?,
+            built: Built::new(context, &KERNEL)?,
             pipelines: [const { None }; 2],
-            view: GrowingBuffer::uniform("view"),
-            light: GrowingBuffer::uniform("light"),
-            cameras: GrowingBuffer::uniform("shadow cameras"),
             soft: GrowingBuffer::uniform("soft picture"),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("surface depth", wgpu::TextureFormat::Depth32Float),
         })
     }
+}
 
-    /// Draws the scene's real surfaces; the ratios get the lens' size. `soft`: where soft shadows are, and their picture.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        scene: &mut SceneBuffers,
-        frame: &Frame<'_>,
-        soft: (&params::SoftPicture, Resource),
-        ratios: &mut KeptTexture,
-    ) -> Result<(), EngineError> {
+impl DevicePass for ShadeSurface {
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, scene, .. } = frame;
         let context = recorder.context;
-        let has_high_bands = frame.light.order_hard[0] > 4;
+        let has_high_bands = job.light.order > 4;
+        let (coarse, present) = (job.coarse_lens(), u32::from(exchange.has(Product::SoftShadows)));
+        let step = job.quality.soft_step_px;
+        let soft = params::SoftPicture { size_step: [coarse.width, coarse.height, step, present] };
         let slot = &mut self.pipelines[usize::from(has_high_bands)];
         let pipeline = match slot {
             Some(pipeline) => pipeline,
             None => slot.insert(pipeline(context, &self.built, has_high_bands)?),
         };
         let resources = [
-            self.view.write(context, bytemuck::bytes_of(frame.view)),
-            self.light.write(context, bytemuck::bytes_of(frame.light)),
-            self.cameras.write(context, bytemuck::bytes_of(frame.cameras)),
-            frame.shadow_maps.clone(),
-            self.soft.write(context, bytemuck::bytes_of(soft.0)),
-            soft.1,
+            scene.terms.view.bind(context, 0),
+            scene.terms.light.bind(context, 0),
+            scene.terms.shadow_cameras.bind(context, 0),
+            exchange.bind_shadow_maps(context)?,
+            self.soft.write(context, bytemuck::bytes_of(&soft)),
+            exchange.soft.bind(context),
         ];
         let group = self.group.of(context, &self.built, &resources);
-        let (width, height) = (frame.view.frame[0] as u32, frame.view.frame[1] as u32);
+        let (width, height) = (job.input.lens.width, job.input.lens.height);
         let depth = self.depth.sized(context, width, height, 1);
-        let ratios = ratios.sized(context, width, height, 1);
-        let one = f64::from(1.0f32.to_bits());
-        let untouched = wgpu::Color { r: one, g: one, b: one, a: 0.0 };
-        let targets = Targets { color: cleared(ratios, None, untouched), depth: Some((depth, 0.0)) };
+        let ratios = exchange.ratios.sized(context, width, height, 1);
+        let targets = Targets { color: cleared(ratios, None, untouched()), depth: Some((depth, 0.0)) };
         recorder.draw(PASS, targets, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
-            scene.draw_surfaces(context, pass);
+            scene.meshes.draw_surfaces(context, pass);
         })
     }
 }

@@ -1,19 +1,28 @@
 //! `visibility/shadow_maps` on the device. Twin: `visibility::shadow_maps`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::SHADOW_MAP_FORMAT,
-        kernel::{BoundGroup, Built, Drawing, Resource},
-        kernels, params,
-        recorder::{Recorder, Targets, cleared},
-        scene::SceneBuffers,
-        textures::{KeptLayers, KeptTexture},
+        exchange::{Exchange, SHADOW_MAP_FORMAT},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
+        params,
+        recorder::{Targets, cleared},
+        textures::KeptTexture,
     },
     plan::Pass,
     visibility::shadow_maps::EMPTY_DEPTH,
+};
+
+/// `visibility/shadow_maps`: depth along the light, as bits in an integer target.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::ShadowMaps,
+    sources: &[source!("shared/shadow_camera"), source!("visibility/shadow_maps")],
+    entries: &["vertex", "fragment"],
+    bindings: &[Binding::new("camera", BindingKind::UniformAtOffset)],
+    structs: &[params::ShadowCamera::LAYOUT],
 };
 
 const PASS: Pass = Pass::ShadowMaps;
@@ -33,7 +42,7 @@ pub struct ShadowMaps {
 impl ShadowMaps {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::SHADOW_MAPS)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.drawing(
             context,
             &Drawing {
@@ -51,25 +60,30 @@ impl ShadowMaps {
         Ok(Self {
             built,
             pipeline,
-            cameras: GrowingBuffer::uniform("shadow cameras"),
+            cameras: GrowingBuffer::uniform("cameras of shadow maps"),
             bytes: Vec::new(),
             group: BoundGroup::default(),
             depth: KeptTexture::scratch("shadow depth", wgpu::TextureFormat::Depth32Float),
         })
     }
+}
 
-    /// Draws all objects of the scene into a layer for each of the first `count` cameras (those without a map are
-    /// skipped); the layers get the cameras' size.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        scene: &mut SceneBuffers,
-        cameras: &params::ShadowCameras,
-        count: usize,
-        maps: &mut KeptLayers,
-    ) -> Result<(), EngineError> {
-        let context = recorder.context;
-        let cameras = &cameras.cameras[..count.min(cameras.cameras.len())];
+impl DevicePass for ShadowMaps {
+    /// Fits the cameras.
+    fn prepare(&mut self, frame: &mut DeviceFrame<'_>, _exchange: &Exchange) -> bool {
+        frame.state.fit_shadow_cameras(frame.job);
+        frame.state.note_shadow_maps();
+        true
+    }
+
+    /// Draws all objects of the scene into a layer for each camera (those without a map are skipped); the layers get the
+    /// cameras' size.
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, state, scene, .. } = frame;
+        let (context, maps) = (recorder.context, &mut exchange.shadow_maps);
+        let count = state.shadows.cameras().len();
+        let cameras = &scene.terms.cameras.cameras;
+        let cameras = &cameras[..count.min(cameras.len())];
         let Some(side) = cameras.iter().map(|c| c.texels_taps[0]).find(|&side| side > 0) else {
             return Ok(());
         };
@@ -91,7 +105,7 @@ impl ShadowMaps {
             recorder.draw(PASS, targets, |pass| {
                 pass.set_pipeline(&self.pipeline);
                 pass.set_bind_group(0, group, &[(k * CAMERA_STRIDE) as u32]);
-                scene.draw_casters(context, pass);
+                scene.meshes.draw_casters(context, pass);
             })?;
         }
         Ok(())

@@ -1,38 +1,54 @@
 //! `compose/soft_shadow` on the device. Twin: `compose::soft_shadow`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     compose::soft_shadow::{Planes, Transfer},
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::RATIOS_FORMAT,
-        kernel::{BoundGroup, Built, Drawing},
-        kernels,
+        exchange::{Exchange, RATIOS_FORMAT},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
         params::{self, SurfaceVertex},
-        recorder::{Recorder, Targets, cleared},
-        scene::SceneBuffers,
+        recorder::{Targets, cleared},
         textures::KeptTexture,
     },
     math::sh::MAX_ORDER,
-    model::blocker::Rung,
+    model::{blocker::Rung, quality::SoftAt},
     plan::Pass,
     visibility::blockers::{BlockerTables, BlockerTerms, Blockers},
 };
 
-const PASS: Pass = Pass::SoftShadow;
+/// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture; `fragment` is the rung `directions`.
+/// At vertices the vertex stages evaluate, and `interpolated` hands on.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::SoftShadow,
+    sources: &[
+        source!("shared/lens"),
+        source!("shared/sh_basis"),
+        source!("shared/facet"),
+        source!("shared/sh_product"),
+        source!("shared/blockers"),
+        source!("compose/soft_shadow"),
+    ],
+    entries: &["vertex", "fragment", "ladder", "vertex_directions", "vertex_ladder", "interpolated"],
+    bindings: &[
+        Binding::new("view", BindingKind::Uniform),
+        Binding::new("soft", BindingKind::Uniform),
+        Binding::new("blockers", BindingKind::Uniform),
+        Binding::new("tables", BindingKind::Uniform),
+        Binding::new("planes", BindingKind::Uniform),
+    ],
+    structs: &[
+        params::View::LAYOUT,
+        params::SoftTerms::LAYOUT,
+        params::BLOCKER_TERMS,
+        params::BLOCKER_TABLES,
+        params::PlaneTerms::LAYOUT,
+    ],
+};
 
-/// What spheres take of the soft light, as the twins have prepared it.
-pub struct Soft<'a> {
-    /// That `fit_shader`.
-    pub blockers: &'a Blockers,
-    /// The light.
-    pub transfer: &'a Transfer,
-    /// Flat receivers.
-    pub planes: &'a Planes,
-    /// Whether they are found at the vertices of the scene's grid, which has been uploaded, and interpolated.
-    pub at_vertices: bool,
-}
+const PASS: Pass = Pass::SoftShadow;
 
 /// The kernel.
 pub struct SoftShadow {
@@ -57,7 +73,7 @@ impl SoftShadow {
     /// Compiles the shader; pipelines follow when a rung and an order are first asked for.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         Ok(Self {
-            built: Built::new(context, &kernels::SOFT_SHADOW)?,
+            built: Built::new(context, &KERNEL)?,
             pipelines: [const { [const { None }; 4] }; MAX_ORDER + 1],
             view: GrowingBuffer::uniform("coarse view"),
             soft: GrowingBuffer::uniform("soft terms"),
@@ -71,69 +87,6 @@ impl SoftShadow {
             blocker_terms: bytemuck::zeroed_box(),
             blocker_tables: bytemuck::zeroed_box(),
             plane_terms: bytemuck::zeroed_box(),
-        })
-    }
-
-    /// Draws the scene's real surfaces into a coarse picture of the view's size; for blockers that `fit_shader`.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        scene: &mut SceneBuffers,
-        coarse_view: &params::View,
-        spheres: &Soft<'_>,
-        picture: &mut KeptTexture,
-    ) -> Result<(), EngineError> {
-        let context = recorder.context;
-        let blockers = spheres.blockers;
-        self.fill(blockers, spheres.transfer);
-        self.fill_planes(spheres.planes);
-        blockers.shader_terms(&mut self.blocker_terms);
-        let is_directed = blockers.rung() == Rung::Directions;
-        let order = blockers.order();
-        // A freed buffer comes back empty, also where the rung reads nothing of it.
-        if !self.tables.is_live() {
-            self.tables_order = None;
-        }
-        let tables = if is_directed || self.tables_order == Some(order) {
-            self.tables.bind(context, size_of::<BlockerTables>())
-        } else {
-            blockers.shader_tables(&mut self.blocker_tables);
-            self.tables_order = Some(order);
-            self.tables.write(context, bytemuck::bytes_of(&*self.blocker_tables))
-        };
-        let at_vertices = spheres.at_vertices;
-        let (number, stages) = match (is_directed, at_vertices) {
-            (true, false) => (0, ["vertex", "fragment"]),
-            (false, false) => (1, ["vertex", "ladder"]),
-            (true, true) => (2, ["vertex_directions", "interpolated"]),
-            (false, true) => (3, ["vertex_ladder", "interpolated"]),
-        };
-        let slot = &mut self.pipelines[order.min(MAX_ORDER)][number];
-        let pipeline = match slot {
-            Some(pipeline) => pipeline,
-            None => slot.insert(pipeline(context, &self.built, stages, order)?),
-        };
-        let resources = [
-            self.view.write(context, bytemuck::bytes_of(coarse_view)),
-            self.soft.write(context, bytemuck::bytes_of(&*self.terms)),
-            self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms)),
-            tables,
-            self.planes.write(context, bytemuck::bytes_of(&*self.plane_terms)),
-        ];
-        let group = self.group.of(context, &self.built, &resources);
-        let (width, height) = (coarse_view.frame[0] as u32, coarse_view.frame[1] as u32);
-        let depth = self.depth.sized(context, width, height, 1);
-        let picture = picture.sized(context, width, height, 1);
-        let targets =
-            Targets { color: cleared(picture, None, wgpu::Color::TRANSPARENT), depth: Some((depth, 0.0)) };
-        recorder.draw(PASS, targets, |pass| {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            if at_vertices {
-                scene.draw_grid(context, pass);
-            } else {
-                scene.draw_surfaces(context, pass);
-            }
         })
     }
 
@@ -182,6 +135,76 @@ impl SoftShadow {
         for (slot, mean) in terms.means.as_flattened_mut().iter_mut().zip(means) {
             *slot = *mean;
         }
+    }
+}
+
+impl DevicePass for SoftShadow {
+    /// The twin does any number of spheres and any order; the shader as many as fit.
+    fn prepare(&mut self, frame: &mut DeviceFrame<'_>, _exchange: &Exchange) -> bool {
+        frame.state.prepare_blockers(frame.job);
+        frame.state.blockers.fit_shader()
+    }
+
+    /// Draws the scene's real surfaces, or its grid, into a coarse picture.
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, state, scene, .. } = frame;
+        let context = recorder.context;
+        let at_vertices = job.quality.soft_at == SoftAt::Vertex;
+        if at_vertices {
+            state.lay_grid(job);
+            scene.update_grid(context, job, state);
+        }
+        let blockers = &state.blockers;
+        self.fill(blockers, &state.transfer);
+        self.fill_planes(&state.planes);
+        let coarse_view = &scene.coarse_camera(job);
+        blockers.shader_terms(&mut self.blocker_terms);
+        let is_directed = blockers.rung() == Rung::Directions;
+        let order = blockers.order();
+        // A freed buffer comes back empty, also where the rung reads nothing of it.
+        if !self.tables.is_live() {
+            self.tables_order = None;
+        }
+        let tables = if is_directed || self.tables_order == Some(order) {
+            self.tables.bind(context, size_of::<BlockerTables>())
+        } else {
+            blockers.shader_tables(&mut self.blocker_tables);
+            self.tables_order = Some(order);
+            self.tables.write(context, bytemuck::bytes_of(&*self.blocker_tables))
+        };
+        let (number, stages) = match (is_directed, at_vertices) {
+            (true, false) => (0, ["vertex", "fragment"]),
+            (false, false) => (1, ["vertex", "ladder"]),
+            (true, true) => (2, ["vertex_directions", "interpolated"]),
+            (false, true) => (3, ["vertex_ladder", "interpolated"]),
+        };
+        let slot = &mut self.pipelines[order.min(MAX_ORDER)][number];
+        let pipeline = match slot {
+            Some(pipeline) => pipeline,
+            None => slot.insert(pipeline(context, &self.built, stages, order)?),
+        };
+        let resources = [
+            self.view.write(context, bytemuck::bytes_of(coarse_view)),
+            self.soft.write(context, bytemuck::bytes_of(&*self.terms)),
+            self.blockers.write(context, bytemuck::bytes_of(&*self.blocker_terms)),
+            tables,
+            self.planes.write(context, bytemuck::bytes_of(&*self.plane_terms)),
+        ];
+        let group = self.group.of(context, &self.built, &resources);
+        let (width, height) = (coarse_view.frame[0] as u32, coarse_view.frame[1] as u32);
+        let depth = self.depth.sized(context, width, height, 1);
+        let picture = exchange.soft.sized(context, width, height, 1);
+        let targets =
+            Targets { color: cleared(picture, None, wgpu::Color::TRANSPARENT), depth: Some((depth, 0.0)) };
+        recorder.draw(PASS, targets, |pass| {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            if at_vertices {
+                scene.meshes.draw_grid(context, pass);
+            } else {
+                scene.meshes.draw_surfaces(context, pass);
+            }
+        })
     }
 }
 

@@ -1,19 +1,33 @@
 //! `compose/tonemap` on the device. Twin: `compose::tonemap`.
 
+use super::{DeviceFrame, DevicePass};
 use crate::{
     EngineError,
     compose::tonemap::{CELLS, ToneTable},
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        kernel::{BoundGroup, Built, Resource},
-        kernels,
+        exchange::Exchange,
+        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::TonemapParams,
-        recorder::Recorder,
         textures::KeptTexture,
     },
-    model::response::Response,
-    plan::Pass,
+    plan::{Pass, Product},
+};
+
+/// `compose/tonemap`: one invocation for four pixels.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::Tonemap,
+    sources: &[source!("compose/tonemap")],
+    entries: &["tonemap"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("thresholds", BindingKind::Floats),
+        Binding::new("starts", BindingKind::Uints),
+        Binding::new("radiance", BindingKind::Read),
+        Binding::new("display", BindingKind::Write),
+    ],
+    structs: &[TonemapParams::LAYOUT],
 };
 
 const PASS: Pass = Pass::Tonemap;
@@ -31,7 +45,6 @@ pub struct Tonemap {
     params: GrowingBuffer,
     thresholds: KeptTexture,
     starts: KeptTexture,
-    display: GrowingBuffer,
     group: BoundGroup,
     table: Option<ToneTable>,
 }
@@ -39,7 +52,7 @@ pub struct Tonemap {
 impl Tonemap {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::TONEMAP)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.compute(context, "tonemap")?;
         Ok(Self {
             built,
@@ -47,21 +60,22 @@ impl Tonemap {
             params: GrowingBuffer::uniform("tonemap params"),
             thresholds: KeptTexture::uploaded("thresholds", wgpu::TextureFormat::R32Float),
             starts: KeptTexture::uploaded("starts of values", wgpu::TextureFormat::R32Uint),
-            display: GrowingBuffer::storage("display"),
             group: BoundGroup::default(),
             table: None,
         })
     }
+}
 
-    /// Encodes `pixels` pixels of radiance.
-    pub fn run(
-        &mut self,
-        recorder: &mut Recorder<'_>,
-        radiance: Resource,
-        pixels: usize,
-        response: &Response,
-        exposure_s: f32,
-    ) -> Result<(), EngineError> {
+impl DevicePass for Tonemap {
+    /// A plan without a composed picture encodes what the caller's picture holds: that is on the host.
+    fn prepare(&mut self, _frame: &mut DeviceFrame<'_>, exchange: &Exchange) -> bool {
+        exchange.has(Product::Radiance)
+    }
+
+    fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, .. } = frame;
+        let (response, exposure_s) = (job.input.response, job.input.shown_exposure.effective_s() as f32);
+        let pixels = job.size().0 * job.size().1;
         let context = recorder.context;
         let table = self.table.get_or_insert_with(|| ToneTable::of(response));
         if table.update(response) || !(self.thresholds.is_live() && self.starts.is_live()) {
@@ -76,8 +90,8 @@ impl Tonemap {
             self.params.write(context, bytemuck::bytes_of(&params)),
             self.thresholds.bind(context),
             self.starts.bind(context),
-            radiance,
-            self.display.bind(context, 12 * quads as usize),
+            exchange.radiance.bind(context, 0),
+            exchange.display.bind(context, 12 * quads as usize),
         ];
         let group = self.group.of(context, &self.built, &resources);
         let groups = quads.div_ceil(LANES);
@@ -86,10 +100,5 @@ impl Tonemap {
             pass.set_bind_group(0, group, &[]);
             pass.dispatch_workgroups(groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1);
         })
-    }
-
-    /// The 8-bit picture: three bytes a pixel.
-    pub fn display(&mut self, context: &GpuContext) -> wgpu::Buffer {
-        self.display.at_least(context, 0).clone()
     }
 }

@@ -1,28 +1,26 @@
 //! A pass for each light of a known room, as in [Gib03]: the room's nearest triangles first, then those of each light over them,
 //! blended, then what has come of it.
 
+use super::DeviceFrame;
 use crate::{
     EngineError,
     gpu::{
         buffers::GrowingBuffer,
         context::GpuContext,
-        exchange::RATIOS_FORMAT,
+        exchange::{Exchange, RATIOS_FORMAT, untouched},
         kernel::{BoundGroup, Built, Drawing, Resource},
         params::RoomVertex,
-        recorder::{Recorder, Targets, cleared},
-        room_mesh::RoomMesh,
+        recorder::{Targets, cleared},
+        room_lights::TURN_STRIDE,
         textures::KeptTexture,
     },
     nearfield::frame::NearFrame,
     plan::Pass,
 };
 
-/// Bytes from one light's turn to the next: the largest alignment that a device may ask for.
-pub const TURN_STRIDE: usize = 256;
-
 /// Fragment stages, and how lights are blended.
 #[derive(Clone, Copy)]
-pub struct Stages {
+pub struct TurnStages {
     /// What the target holds where the room is seen, before any light.
     pub first: &'static str,
     /// Whether it writes colours, not depths alone.
@@ -53,17 +51,19 @@ pub struct Turns {
 }
 
 /// Which lights take part.
-pub struct Round<'a> {
-    /// The room's lights, listed.
-    pub frame: &'a NearFrame,
-    /// Number of the room's first triangle among the real surfaces.
-    pub first: usize,
+pub struct LightRound {
     /// How many lights.
     pub lights: u32,
     /// Whether objects may hide something of the suns, which have the turn after them.
-    pub has_suns: bool,
-    /// Pixels of the target.
-    pub size: (u32, u32),
+    has_suns: bool,
+}
+
+impl LightRound {
+    /// All of a frame.
+    pub fn of(frame: &DeviceFrame<'_>) -> Self {
+        let near = &frame.state.room.frame;
+        Self { lights: near.lights().len() as u32, has_suns: near.sun_maps().iter().any(Option::is_some) }
+    }
 }
 
 impl Turns {
@@ -72,7 +72,7 @@ impl Turns {
         context: &GpuContext,
         built: &Built,
         pass: Pass,
-        stages: &Stages,
+        stages: &TurnStages,
     ) -> Result<Self, EngineError> {
         let whole = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
@@ -100,16 +100,6 @@ impl Turns {
     /// What the target holds, to bind.
     pub fn taken(&mut self, context: &GpuContext) -> Resource {
         self.taken.bind(context)
-    }
-
-    /// The pipeline after all turns, and its resources bound.
-    pub fn after(
-        &mut self,
-        context: &GpuContext,
-        built: &Built,
-        resources: &[Resource],
-    ) -> (&wgpu::RenderPipeline, &wgpu::BindGroup) {
-        (&self.after, self.group.of(context, built, resources))
     }
 
     /// Sorts the lists by light.
@@ -143,18 +133,20 @@ impl Turns {
     /// Draws the turns.
     pub fn draw(
         &mut self,
-        recorder: &mut Recorder<'_>,
-        round: &Round<'_>,
-        mesh: &mut RoomMesh,
-        (group, depth): (&wgpu::BindGroup, &wgpu::TextureView),
+        frame: &mut DeviceFrame<'_>,
+        round: &LightRound,
+        group: &wgpu::BindGroup,
     ) -> Result<(), EngineError> {
-        let (context, lights) = (recorder.context, round.lights);
-        self.sort(round.frame, round.first as u32, lights);
+        let DeviceFrame { recorder, job, state, scene, .. } = frame;
+        let (context, lights, lens) = (recorder.context, round.lights, job.input.lens);
+        self.sort(&state.room.frame, state.room.triangles().0 as u32, lights);
         self.chosen.write(context, bytemuck::cast_slice(&self.indices));
         let chosen = self.chosen.at_least(context, 0).clone();
-        let taken = self.taken.sized(context, round.size.0, round.size.1, 1);
+        let depth = scene.room_lights.depth(context, (lens.width, lens.height));
+        let mesh = &mut scene.room_mesh;
+        let taken = self.taken.sized(context, lens.width, lens.height, 1);
         let targets =
-            Targets { color: cleared(taken, None, wgpu::Color::TRANSPARENT), depth: Some((depth, 0.0)) };
+            Targets { color: cleared(taken, None, wgpu::Color::TRANSPARENT), depth: Some((&depth, 0.0)) };
         let (nearest, one, begins) = (&self.nearest, &self.one, &self.begins);
         recorder.draw(self.pass, targets, |pass| {
             pass.set_pipeline(nearest);
@@ -169,6 +161,28 @@ impl Turns {
                 pass.set_bind_group(0, group, &[lights * TURN_STRIDE as u32]);
                 mesh.draw(context, pass);
             }
+        })
+    }
+
+    /// Draws what has come of it, as ratios.
+    pub fn draw_ratios(
+        &mut self,
+        frame: &mut DeviceFrame<'_>,
+        exchange: &mut Exchange,
+        built: &Built,
+        resources: &[Resource],
+    ) -> Result<(), EngineError> {
+        let DeviceFrame { recorder, job, scene, .. } = frame;
+        let (context, lens) = (recorder.context, job.input.lens);
+        let group = self.group.of(context, built, resources);
+        let depth = scene.room_lights.depth(context, (lens.width, lens.height));
+        let ratios = exchange.ratios.sized(context, lens.width, lens.height, 1);
+        let targets = Targets { color: cleared(ratios, None, untouched()), depth: Some((&depth, 0.0)) };
+        let (mesh, after) = (&mut scene.room_mesh, &self.after);
+        recorder.draw(self.pass, targets, |pass| {
+            pass.set_bind_group(0, group, &[0]);
+            pass.set_pipeline(after);
+            mesh.draw(context, pass);
         })
     }
 }

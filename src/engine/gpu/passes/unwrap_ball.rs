@@ -5,13 +5,25 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback},
         context::GpuContext,
-        kernel::{BoundGroup, Built},
-        kernels,
+        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::UnwrapParams,
-        recorder::{Recorder, Timer},
+        recorder::{Gpu, Recorder},
     },
     light::unwrap_ball::BallView,
     plan::Pass,
+};
+
+/// `light/unwrap_ball`: one invocation a pixel of the ball's region.
+pub const KERNEL: Kernel = Kernel {
+    pass: Pass::UnwrapBall,
+    sources: &[source!("light/unwrap_ball")],
+    entries: &["unwrap"],
+    bindings: &[
+        Binding::new("params", BindingKind::Uniform),
+        Binding::new("corner_rays", BindingKind::Read),
+        Binding::new("cells", BindingKind::Write),
+    ],
+    structs: &[UnwrapParams::LAYOUT],
 };
 
 const PASS: Pass = Pass::UnwrapBall;
@@ -27,12 +39,13 @@ pub struct UnwrapBall {
     cells: GrowingBuffer,
     group: BoundGroup,
     readback: Readback,
+    stamps: Readback,
 }
 
 impl UnwrapBall {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
-        let built = Built::new(context, &kernels::UNWRAP_BALL)?;
+        let built = Built::new(context, &KERNEL)?;
         let pipeline = built.compute(context, "unwrap")?;
         Ok(Self {
             built,
@@ -42,18 +55,19 @@ impl UnwrapBall {
             cells: GrowingBuffer::storage("cells"),
             group: BoundGroup::default(),
             readback: Readback::new("cells"),
+            stamps: Readback::new("pass times"),
         })
     }
 
     /// Direction and solid angle of each pixel of the view's region, as from the twin's `trace`.
     pub fn run(
         &mut self,
-        context: &GpuContext,
-        timer: &mut Timer,
+        gpu: &mut Gpu,
         view: &BallView,
         above_horizon: bool,
         out: &mut Vec<[f32; 4]>,
     ) -> Result<(), EngineError> {
+        let context = &gpu.context;
         let (width, height) = (view.width as u32, view.height as u32);
         let params = UnwrapParams {
             eye_from_centre: view.sphere.eye_from_centre,
@@ -70,7 +84,7 @@ impl UnwrapBall {
             self.cells.bind(context, bytes),
         ];
         let group = self.group.of(context, &self.built, &resources);
-        let mut recorder = Recorder::new(context, timer);
+        let mut recorder = Recorder::new(context, &mut gpu.timer);
         recorder.compute(PASS, |pass| {
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, group, &[]);
@@ -78,9 +92,10 @@ impl UnwrapBall {
         })?;
         let target = self.readback.at_least(context, bytes).clone();
         recorder.copy(self.cells.at_least(context, bytes), &target, 0, bytes as u64);
-        recorder.finish(PASS)?;
+        let work = recorder.send(&mut self.stamps);
+        gpu.finish(work, &mut self.stamps, PASS)?;
         out.resize(view.width * view.height, [0.0; 4]);
-        self.readback.read(context, PASS.name(), bytes, |bytes| {
+        self.readback.read(&gpu.context, PASS.name(), bytes, |bytes| {
             bytemuck::cast_slice_mut(out.as_mut_slice()).copy_from_slice(bytes);
         })
     }

@@ -13,11 +13,14 @@ use crate::config::{
     keys::KEYS,
     settings::{RunMode, Settings},
 };
-use crate::daemon::run::{prepare, run as run_prepared};
-use crate::device::Truth;
+use crate::daemon::{prepare::prepare, run::run as run_prepared};
 use crate::lab::digest::PixelDigest;
-use crate::model::{frame::RawFrame, picture::Picture};
-use crate::pipeline::{PipelineError, event::FrameSink, frame::FrameOutcome};
+use crate::model::picture::Picture;
+use crate::pipeline::{
+    PipelineError,
+    turns::{FinishedFrame, FrameSink},
+};
+use crate::plan::PassTiming;
 use film::Film;
 use report::ReplayReport;
 use sheet::ContactSheet;
@@ -86,7 +89,7 @@ pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), Cli
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
     let mut sink = ReplayCollector::new(&arguments, total);
     let engine = prepared.engine.clone();
-    let ran = run_prepared(prepared, &settings, None, &mut sink)?;
+    let ran = run_prepared(prepared, &settings, &mut sink)?;
     drop(sink.progress.take());
     if ran.counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));
@@ -98,7 +101,7 @@ pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), Cli
         counts: ran.counts,
         frames: sink.numbers,
         light: sink.light,
-        passes: ran.passes,
+        passes: sink.passes,
         last_plan: ran.last_plan,
         digest: sink.digest.hex(),
     };
@@ -162,6 +165,7 @@ struct ReplayCollector {
     sheet: ContactSheet,
     digest: PixelDigest,
     numbers: Vec<FrameNumbers>,
+    passes: Vec<PassTiming>,
     light: Option<crate::model::estimate::LightEstimate>,
     progress: Option<Bar>,
 }
@@ -178,6 +182,7 @@ impl ReplayCollector {
             sheet: ContactSheet::default(),
             digest: PixelDigest::default(),
             numbers: Vec::new(),
+            passes: Vec::new(),
             light: None,
             progress: Some(Bar::of_count(total, "frames")),
         }
@@ -212,13 +217,9 @@ impl ReplayCollector {
 }
 
 impl FrameSink for ReplayCollector {
-    fn accept(
-        &mut self,
-        raw: &RawFrame,
-        truth: Option<&Truth>,
-        outcome: &FrameOutcome,
-        picture: &Picture,
-    ) -> Result<bool, PipelineError> {
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        let FinishedFrame { raw, truth, outcome, passes, picture } = *finished;
+        self.passes.extend_from_slice(passes);
         self.digest.add_bytes(picture.display.pixels());
         self.numbers.push(FrameNumbers::of(outcome, truth));
         if outcome.light.is_some() {

@@ -6,7 +6,7 @@ use crate::lab::page::{
     svg::{Anchor, Scale, Svg},
 };
 use crate::model::estimate::LightEstimate;
-use crate::pipeline::{event::RunCounts, frame::Stage};
+use crate::pipeline::{frame::Stage, turns::RunCounts};
 use crate::plan::{FramePlan, PassTiming, PlannedPass};
 use serde_json::{Value, json};
 use std::fmt::Write;

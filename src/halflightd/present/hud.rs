@@ -1,15 +1,14 @@
-//! An overlay of text on shown pictures: what was decided on each effect of the frame, under lines that others hand in. In our
-//! own small letters (`letters`).
+//! An overlay of text on shown pictures: what was decided on each effect of the frame, under lines that others hand in.
 
-use super::letters::{LETTER, rows_of};
+use super::letters::{LETTER, is_ink, rows_of};
 use crate::model::image::Rgb8Image;
 use crate::plan::{FramePlan, Verdict};
 use std::fmt::{Arguments, Write};
 
 /// Columns and rows of a letter's cell.
-const CELL: [usize; 2] = [6, 9];
+const CELL: [usize; 2] = [8, 10];
 /// Pictures of so many columns have letters of twice the size, of twice as many three times.
-const COLUMNS_A_SIZE: usize = 900;
+const COLUMNS_A_SIZE: usize = 1200;
 /// Free pixels around the text, at size 1.
 const MARGIN: usize = 4;
 /// What is behind the text is darkened to a third.
@@ -103,8 +102,7 @@ fn set(picture: &mut Rgb8Image, letter: char, [left, top]: [usize; 2], size: usi
     let (width, height) = (picture.width(), picture.height());
     for y in 0..LETTER[1] * size {
         for x in 0..LETTER[0] * size {
-            let is_ink = rows[y / size] >> (LETTER[0] - 1 - x / size) & 1 == 1;
-            if is_ink && left + x < width && top + y < height {
+            if is_ink(rows[y / size], x / size) && left + x < width && top + y < height {
                 *picture.at_mut(left + x, top + y) = colour;
             }
         }
@@ -126,20 +124,29 @@ mod tests {
     fn a_line_is_set_where_it_belongs() {
         let mut hud = Hud::default();
         hud.note(format_args!("{}", "t1"));
-        let mut picture = Rgb8Image::filled(24, 14, [90, 60, 30]);
+        let mut picture = Rgb8Image::filled(32, 18, [90, 60, 30]);
         hud.draw(&FramePlan::default(), &mut picture);
         let ink = ink(&picture, WHITE);
-        assert_eq!(&ink[4][4..15], "#####...#..");
-        assert_eq!(&ink[10][4..15], "..#...#####");
+        assert_eq!(&ink[4][4..20], dots("t1", 0));
+        assert_eq!(&ink[10][4..20], dots("t1", 6));
         // Two cells with their margin are darkened, the rest is as it was.
         assert_eq!(
-            (*picture.at(0, 0), *picture.at(19, 0), *picture.at(20, 0)),
+            (*picture.at(0, 0), *picture.at(23, 0), *picture.at(24, 0)),
             ([30, 20, 10], [30, 20, 10], [90, 60, 30])
         );
         // A line is used up with its picture.
-        let mut next = Rgb8Image::filled(24, 14, [90, 60, 30]);
+        let mut next = Rgb8Image::filled(32, 18, [90, 60, 30]);
         hud.draw(&FramePlan::default(), &mut next);
         assert!(self::ink(&next, WHITE).concat().find('#').is_none());
+    }
+
+    /// One row of dots of a text.
+    fn dots(text: &str, row: usize) -> String {
+        let columns = |letter| {
+            let ink = rows_of(letter)[row];
+            (0..LETTER[0]).map(move |x| if is_ink(ink, x) { '#' } else { '.' })
+        };
+        text.chars().flat_map(columns).collect()
     }
 
     #[test]

@@ -1,10 +1,8 @@
 //! Whether what a caller asks for fits together.
 
-use super::room::RoomWork;
 use crate::light::maps;
 use crate::math::sh::MAX_ORDER;
-use crate::model::{quality::Quality, scene::Scene};
-use crate::plan::FramePlan;
+use crate::model::quality::Quality;
 use crate::{EngineError, LightJob, RelightInput};
 
 /// Whether light can be read from a job.
@@ -24,21 +22,6 @@ pub fn check_light(job: &LightJob<'_>, quality: &Quality) -> Result<(), EngineEr
         ))),
         _ => Ok(()),
     }
-}
-
-/// Whether the room that a scene stands in was loaded.
-pub fn check_room(scene: &Scene, room: &RoomWork) -> Result<(), EngineError> {
-    if scene.room.is_some() && room.known().is_none() {
-        return Err(EngineError::Input(
-            "the scene stands in a known room that the engine was not given".into(),
-        ));
-    }
-    Ok(())
-}
-
-/// Whether the parts of a planned frame fit together.
-pub fn check(plan: &FramePlan, input: &RelightInput<'_>) -> Result<(), EngineError> {
-    check_frame(&plan.quality, input)
 }
 
 /// Whether the parts of a frame fit together.

@@ -1,0 +1,170 @@
+//! From settings to a pipeline that is ready: one function for each thing that is opened.
+
+use super::{dress, engines, governing::governor_of, host::Host, known_room};
+use crate::assets::scene::{self as scene_file, SceneFile};
+use crate::config::settings::{GrayWeights, Settings};
+use crate::device::{DeviceError, FrameSource, ImuSource, clock::MonotonicClock, open};
+use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
+use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
+use crate::nearfield::prepare::KnownRoom;
+use crate::pipeline::{Options, Pipeline, PipelineError, engine_in_use::StandIn};
+use std::{path::Path, sync::Arc};
+
+/// A pipeline with the sources that feed it.
+pub struct Prepared {
+    /// Where frames come from.
+    pub source: Box<dyn FrameSource>,
+    /// Where inertial samples come from.
+    pub imu: Option<Box<dyn ImuSource>>,
+    /// What they go through.
+    pub pipeline: Pipeline,
+    /// The engine in one line.
+    pub engine: String,
+    /// Exposures that the camera goes through.
+    pub cycle: Vec<Exposure>,
+}
+
+/// An opened camera that goes through the exposures of the settings.
+pub struct OpenedCamera {
+    /// The camera.
+    pub frames: Box<dyn FrameSource>,
+    /// Its inertial sensor, where it has one.
+    pub imu: Option<Box<dyn ImuSource>>,
+    /// The exposures that it really goes through.
+    pub cycle: Vec<Exposure>,
+}
+
+/// A scene with all that stands in it.
+struct OpenedScene {
+    scene: Scene,
+    rig: Rig,
+    room: Option<Arc<KnownRoom>>,
+}
+
+/// Opens the devices and the engine and loads the scene.
+pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, PipelineError> {
+    let camera = open_camera(settings)?;
+    let response = response_of(settings, camera.frames.as_ref())?;
+    let OpenedScene { scene, rig, room } = open_scene(settings, camera.frames.rig(), host)?;
+    let engine = open_engine(settings, &scene, room.as_ref())?;
+    let description = engine.description();
+    let options = options_of(settings, &camera.cycle);
+    let watch = Box::new(MonotonicClock::default());
+    let mut pipeline = Pipeline::new(engine, watch, rig, response, scene, options)?;
+    if let Some(room) = room {
+        pipeline = pipeline.in_room(room);
+    }
+    let pipeline = pipeline.governed(governor_of(settings)?).with_stand_in(stand_in(settings.threads));
+    let OpenedCamera { frames, imu, cycle } = camera;
+    Ok(Prepared { source: frames, imu, pipeline, engine: description, cycle })
+}
+
+/// Opens the camera of the settings and asks for their exposures.
+pub fn open_camera(settings: &Settings) -> Result<OpenedCamera, DeviceError> {
+    let open::Opened { mut frames, imu } = open::open(&settings.camera)?;
+    let wanted: Vec<Exposure> =
+        settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
+    let cycle = frames.set_exposures(&wanted)?;
+    Ok(OpenedCamera { frames, imu, cycle })
+}
+
+/// Reads the response of the settings: the camera's own, sRGB, or a file's.
+fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
+    match settings.response.as_str() {
+        "device" => Ok(source.response().unwrap_or_else(|| {
+            tracing::warn!(
+                "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
+                settings.camera
+            );
+            Response::srgb()
+        })),
+        "srgb" => Ok(Response::srgb()),
+        file => crate::assets::response::load(Path::new(file)).map_err(setup),
+    }
+}
+
+/// Loads the scene of the settings with the rig that the device or the scene file knows, and makes its bodies and its room
+/// ready.
+fn open_scene(settings: &Settings, rig: Option<Rig>, host: &Host<'_>) -> Result<OpenedScene, PipelineError> {
+    let Some(file) = scene_file_of(settings)? else {
+        let rig = rig.ok_or_else(|| {
+            PipelineError::Setup(format!(
+                "{}: knows no lens or tags; name a scene.file that does",
+                settings.camera
+            ))
+        })?;
+        return Ok(OpenedScene { scene: Scene::default(), rig, room: None });
+    };
+    let rig = file.rig_over(rig).map_err(setup)?;
+    let mut scene = file.scene_with_ball(rig.ball.as_ref());
+    dress::dress(&mut scene, &settings.quality, host.progress);
+    let room = known_room::of_scene(&file, &mut scene, host).map_err(setup)?;
+    Ok(OpenedScene { scene, rig, room })
+}
+
+fn scene_file_of(settings: &Settings) -> Result<Option<SceneFile>, PipelineError> {
+    let name = &settings.scene_file;
+    (!name.is_empty()).then(|| scene_file::load(Path::new(name)).map_err(setup)).transpose()
+}
+
+/// Opens the engine of the settings and gives it room and scene.
+fn open_engine(
+    settings: &Settings,
+    scene: &Scene,
+    room: Option<&Arc<KnownRoom>>,
+) -> Result<Box<dyn Engine>, EngineError> {
+    let engine = engines::open(
+        settings.engine,
+        settings.backend,
+        settings.threads,
+        &settings.cpu_kernels,
+        Timings::Stamps,
+    )?;
+    with_scene(engine, scene, room)
+}
+
+/// The CPU, for when the engine of the settings keeps failing.
+fn stand_in(threads: usize) -> StandIn {
+    Box::new(move |scene, room| {
+        let engine = CpuEngine::new((threads > 0).then_some(threads))?;
+        with_scene(Box::new(engine), scene, room)
+    })
+}
+
+fn with_scene(
+    mut engine: Box<dyn Engine>,
+    scene: &Scene,
+    room: Option<&Arc<KnownRoom>>,
+) -> Result<Box<dyn Engine>, EngineError> {
+    engine.load_room(room.cloned())?;
+    engine.load_scene(scene)?;
+    Ok(engine)
+}
+
+/// What the settings mean for the pipeline of a camera that goes through these exposures.
+pub fn options_of(settings: &Settings, cycle: &[Exposure]) -> Options {
+    let shown_exposure = (settings.shown_exposure_s > 0.0)
+        .then_some(Exposure { time_s: settings.shown_exposure_s, gain: 1.0 });
+    Options {
+        quality: settings.quality,
+        light_threshold: settings.light_threshold as f32,
+        rec709: settings.gray == GrayWeights::Rec709,
+        filter_tau_s: settings.filter_tau_s,
+        ball_on_surface: settings.ball_on_surface,
+        longest_exposure: cycle
+            .iter()
+            .copied()
+            .max_by(|a, b| a.effective_s().total_cmp(&b.effective_s()))
+            .unwrap_or(Exposure { time_s: 1.0 / 60.0, gain: 1.0 }),
+        exposures_in_cycle: cycle.len(),
+        shown_exposure,
+        view: settings.view,
+        hud: settings.hud,
+        decimate: settings.decimate as f32,
+        quad_sigma_px: settings.quad_sigma_px as f32,
+    }
+}
+
+fn setup(error: impl std::fmt::Display) -> PipelineError {
+    PipelineError::Setup(error.to_string())
+}
