@@ -109,6 +109,24 @@ fn every_key_is_understood() {
 }
 
 #[test]
+fn light_from_below_is_understood() {
+    use halflight::light::below::BelowHorizon;
+    let below = |keys: &str| {
+        let text = format!("[light]\nconstant = [1, 1, 1]\n{keys}");
+        parse(Path::new("below.toml"), &text).map(|file| file.light_below)
+    };
+    assert_eq!(below("").unwrap(), BelowHorizon::AsGiven);
+    assert_eq!(below("below = \"dark\"").unwrap(), BelowHorizon::Dark);
+    let surface = |albedo_rgb| BelowHorizon::Surface { albedo_rgb };
+    assert_eq!(below("below = \"surface\"").unwrap(), surface([0.5; 3]));
+    let stated = below("below = \"surface\"\nsurface_albedo_rgb = [0.1, 0.2, 0.3]").unwrap();
+    assert_eq!(stated, surface([0.1, 0.2, 0.3]));
+    let wrong = |keys: &str| below(keys).unwrap_err().to_string();
+    assert!(wrong("below = \"sand\"").contains("light.below = \"sand\": must be one of \"given\""));
+    assert!(wrong("surface_albedo_rgb = [0.1, 0.2, 0.3]").contains("light.surface_albedo_rgb"));
+}
+
+#[test]
 fn a_room_is_understood() {
     let room = parse(Path::new("folder/all.toml"), EVERY_KEY).unwrap().room.unwrap();
     assert_eq!(room.file, Path::new("folder/room.glb"));

@@ -17,6 +17,8 @@
 //! exposures_s = [0.01, 0.04]
 //! # file = "room.hdr", layout = "equirect" | "angular" | "cube", up = "z" | "y", rotation_deg = 30.0
 //! # constant = [0.3, 0.3, 0.3], to_light = [0.5, 0.0, 0.8], irradiance_rgb = [3.0, 3.0, 2.8]
+//! # below = "given"                # of file or constant, light from below the horizon: as given (default), "dark" (none),
+//!                                    # or "surface" (what z = 0 sends up; surface_albedo_rgb = [0.5, 0.5, 0.5])
 //!
 //! [room]                             # known geometry of the real place: near light and its shadows
 //! file = "room.glb"                  # glTF (emissive parts shine), or a reference case
@@ -81,6 +83,7 @@ mod walk;
 pub use room::{RoomLightSource, RoomSource};
 
 use super::error::{AssetError, TextPosition, read_text};
+use crate::light::below::BelowHorizon;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     rig::{MirrorBall, Rig, TagPlacement},
@@ -154,6 +157,8 @@ pub struct SceneFile {
     pub camera: Option<SceneCamera>,
     /// What `[light]` says.
     pub light: LightSource,
+    /// Which light comes from below the horizon.
+    pub light_below: BelowHorizon,
     /// What `[room]` says; not loaded yet.
     pub room: Option<RoomSource>,
     /// Tags whose places are known.
@@ -224,7 +229,9 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     let root = Section::new("", document.get_ref(), 0, &mistakes);
     let folder = file.parent().unwrap_or(Path::new(""));
     let camera = root.table("camera").and_then(|s| rig::camera(&s, folder, &mistakes));
-    let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
+    let (light, light_below) = root
+        .table("light")
+        .map_or((LightSource::Unstated, BelowHorizon::AsGiven), |s| rig::light(&s, folder));
     let room = root.table("room").and_then(|s| room::room(&s, folder));
     let (ball, ball_on_surface) = root.table("ball").map_or((None, true), |s| rig::ball(&s));
     let tags = root.tables("tag").iter().filter_map(rig::tag).collect();
@@ -245,7 +252,8 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     match mistakes.into_error() {
         Some(error) => Err(error),
         None => {
-            Ok(SceneFile { file: file.to_owned(), scene, camera, light, room, tags, ball, ball_on_surface })
+            let file = file.to_owned();
+            Ok(SceneFile { file, scene, camera, light, light_below, room, tags, ball, ball_on_surface })
         }
     }
 }
