@@ -1,12 +1,11 @@
-//! F1 of the reference through the whole product: what every split, number of maps and rung costs, as a table, and what
-//! must hold of it.
+//! F1 of the reference: what every split, number of maps and rung costs, as a table, and what must hold of it. Not through a
+//! camera, a recording or the pipeline: the light is the case's environment picture, halved and drawn by the product.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 
-use halflight::assets::case;
-use halflight::cli::render::{compare, of_case};
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::case::{self, compare, of_case};
 use halflight::model::{
     blocker::Rung,
     quality::{Quality, SoftAt, SplitKind},

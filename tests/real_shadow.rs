@@ -6,8 +6,8 @@ mod support;
 
 use glam::{Affine3A, DVec3, Vec3};
 use halflight::assets::{pictures, scene, scene::SceneCamera, shapes};
-use halflight::cli::render::of_scene;
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::{HOST, still::of_scene};
 use halflight::math::color::gray;
 use halflight::model::{
     animation::Figure,
@@ -166,7 +166,7 @@ fn the_shadow_on_the_pouf_is_the_balls() {
         let quality = Quality { split, shadow_maps, ..Quality::default() };
         let mut engine = CpuEngine::new(None).unwrap();
         let mut notes = Vec::new();
-        let still = of_scene(&file, &mut engine, &quality, &mut notes).unwrap();
+        let still = of_scene(&file, &mut engine, &quality, &HOST, &mut notes).unwrap();
         let drawn = still.draw(&mut engine, &quality, None, 0).unwrap();
         (still, drawn, notes)
     };

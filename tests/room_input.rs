@@ -24,6 +24,7 @@ use halflight::{
         error::RoomError,
         faces::Faces,
         prepare::{CameraPicture, KnownRoom, RoomLight, RoomSettings, prepare},
+        probe::Probe,
     },
 };
 use proptest::prelude::*;
@@ -153,7 +154,7 @@ fn prepared(room: Room, light: RoomLight<'_>) -> Result<KnownRoom, RoomError> {
 }
 
 fn probe(map: &EnvironmentMap, position_world: Vec3) -> RoomLight<'_> {
-    RoomLight::Probe { map, world_from_map: DMat3::IDENTITY, position_world, factor_sun: true }
+    RoomLight::Probe(Probe { map, world_from_map: DMat3::IDENTITY, position_world, factor_sun: true })
 }
 
 #[test]
@@ -258,11 +259,8 @@ fn the_sun_behind_a_window_shines_in() {
     }
     assert!(lit > 10 && lit < split.sun_rgb.len() / 4, "{lit} of {}", split.sun_rgb.len());
     // All light of before is there; as part of the window it would have shone everywhere.
-    let RoomLight::Probe { map: same, world_from_map, position_world, .. } = probe(&map, Vec3::ZERO) else {
-        panic!()
-    };
-    let whole = RoomLight::Probe { map: same, world_from_map, position_world, factor_sun: false };
-    let whole = prepared(room, whole).unwrap();
+    let RoomLight::Probe(split_probe) = probe(&map, Vec3::ZERO) else { panic!() };
+    let whole = prepared(room, RoomLight::Probe(Probe { factor_sun: false, ..split_probe })).unwrap();
     assert!(whole.suns.is_empty() && windows(&whole).1 > 100.0);
     let (before, after) = (whole.report.probe.unwrap(), split.report.probe.unwrap());
     for c in 0..3 {
