@@ -26,13 +26,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_env("HALFLIGHT_LOG").unwrap_or_else(|_| "info".into()),
-        )
-        .with_writer(std::io::stderr)
-        .with_target(false)
-        .init();
+    halflightd::daemon::log::to_stderr(tracing::Level::INFO);
     match run(Arguments::parse()) {
         Ok(counts) => {
             tracing::info!(

@@ -7,6 +7,7 @@ pub mod engines;
 mod governing;
 pub mod host;
 pub mod known_room;
+pub mod log;
 pub mod picture_folder;
 pub mod prepare;
 pub mod run;
