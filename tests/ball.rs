@@ -22,6 +22,7 @@ use halflight::model::{
 };
 use serde_json::Value;
 use std::path::Path;
+use support::wanted;
 
 const CASES: [&str; 4] = ["overcast_city", "room_windows", "studio_lamps", "sun_beach"];
 
@@ -118,6 +119,17 @@ struct Errors {
     surface_percent: [f64; 3],
 }
 
+fn worst(percent: &[f64; 3]) -> f64 {
+    percent.iter().fold(0.0, |most, p| p.abs().max(most))
+}
+
+impl Errors {
+    fn hold(&self, photographs: &str) {
+        wanted::hold(&format!("ball.{photographs}.direction"), self.direction_deg);
+        wanted::hold(&format!("ball.{photographs}.irradiance"), worst(&self.irradiance_percent));
+    }
+}
+
 fn measure(case: &Case, picture: &HdrImage) -> (Errors, LightFlags, SplitLight) {
     let mut samples = RadianceSamples::default();
     let flags = unwrap_ball(picture, &case.lens, &case.pose, &case.ball, true, &mut samples).unwrap();
@@ -151,17 +163,8 @@ fn light_of_the_reference_balls_from_hdr() {
             errors.direction_deg, errors.irradiance_percent, errors.surface_percent
         );
         // Measured 0.03 to 0.25 degrees, 0.0 to 0.7 % and 0.002 to 0.062 %: the most with a sun inside one pixel.
-        assert!(errors.direction_deg < 0.3, "{name}: {:.3} deg", errors.direction_deg);
-        assert!(
-            errors.irradiance_percent.iter().all(|e| e.abs() < 0.8),
-            "{name}: {:?}",
-            errors.irradiance_percent
-        );
-        assert!(
-            errors.surface_percent.iter().all(|e| e.abs() < 0.08),
-            "{name}: {:?}",
-            errors.surface_percent
-        );
+        errors.hold("hdr");
+        wanted::hold("ball.hdr.surface", worst(&errors.surface_percent));
         assert!(flags.filled_share < 0.03 && flags.saturated_texels == 0 && flags.not_finite_texels == 0);
     }
 }
@@ -178,12 +181,7 @@ fn light_of_the_reference_balls_from_photographs() {
         );
         // The lamps and the sun are saturated in every exposure: their strength comes from their shadows.
         // Measured 0.10 to 0.22 degrees, and up to 2.3 % (red of the lamps).
-        assert!(errors.direction_deg < 0.3, "{name}: {:.3} deg", errors.direction_deg);
-        assert!(
-            errors.irradiance_percent.iter().all(|e| e.abs() < 2.6),
-            "{name}: {:?}",
-            errors.irradiance_percent
-        );
+        errors.hold("photographs");
     }
 }
 
@@ -203,14 +201,9 @@ fn light_of_the_reference_balls_from_photographs_that_calibrate_themselves() {
             errors.direction_deg, errors.irradiance_percent, errors.surface_percent
         );
         directions_deg.push(errors.direction_deg);
-        // The 3 %: measured 2.3 % at most (green under the overcast sky).
-        assert!(
-            errors.irradiance_percent.iter().all(|e| e.abs() < 3.0),
-            "{name}: {:?}",
-            errors.irradiance_percent
-        );
+        // Measured 2.3 % at most (green under the overcast sky), 0.21 to 0.33 degrees.
+        errors.hold("calibrated");
     }
-    // The 2 degrees, 1 in the median. Measured 0.21 to 0.33.
     directions_deg.sort_by(f64::total_cmp);
-    assert!(directions_deg[3] < 2.0 && directions_deg[2] < 1.0, "{directions_deg:?}");
+    assert!(directions_deg[2] < 1.0, "the median of {directions_deg:?}");
 }

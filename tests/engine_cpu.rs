@@ -332,5 +332,5 @@ fn bias<T: golden::Precision>(entry: &golden::Entry) {
 #[test]
 fn golden_bias() {
     let Some(shared) = support::shared("golden_bias") else { return };
-    golden::run(&shared, &[("bias", bias::<f64>, bias::<f32>)], &[]);
+    golden::run(&shared, &[("bias", bias::<f64>, bias::<f32>)]);
 }

@@ -1,17 +1,17 @@
-//! F1 of the reference through the whole product: what every split, number of maps and rung costs, as a table, and what
-//! must hold of it.
+//! F1 of the reference: what every split, number of maps and rung costs, as a table, and what must hold of it. Not through a
+//! camera, a recording or the pipeline: the light is the case's environment picture, halved and drawn by the product.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 
-use halflight::assets::case;
-use halflight::cli::render::{compare, of_case};
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::case::{self, compare, of_case};
 use halflight::model::{
     blocker::Rung,
     quality::{Quality, SoftAt, SplitKind},
 };
 use std::path::Path;
+use support::wanted;
 
 /// Relative RMSE of the gray ratio where it is below 0.93 in truth and no sphere covers the pixel.
 fn error(shared: &Path, id: &str, quality: &Quality) -> f64 {
@@ -28,22 +28,24 @@ fn row(shared: &Path, id: &str, name: &str, columns: &[(&str, Quality)]) -> Vec<
     errors
 }
 
-/// What the formulas' section 4b has for exact visibility at n = 4, 16, 64, and for the paper's split over the plane.
-const KNOWN: [(&str, [f64; 3], f64); 4] = [
-    ("f1_sun_beach_one", [0.31, 0.093, 0.086], 0.93),
-    ("f1_studio_lamps_five", [0.56, 0.12, 0.060], 2.06),
-    ("f1_room_windows_five", [0.020, 0.012, 0.009], 0.18),
-    ("f1_overcast_city_figure20", [0.012, 0.012, 0.011], 0.21),
+/// What the formulas' section 4b has for the paper's split over the plane. The rows of `wanted.tsv` for n = 4, 16 and 64
+/// are its errors with exact visibility, and 0.03.
+const KNOWN: [(&str, f64); 4] = [
+    ("f1_sun_beach_one", 0.93),
+    ("f1_studio_lamps_five", 2.06),
+    ("f1_room_windows_five", 0.18),
+    ("f1_overcast_city_figure20", 0.21),
 ];
 
 #[test]
 fn every_split_and_number_of_maps() {
     let Some(shared) = support::shared("every_split_and_number_of_maps") else { return };
     let compact = |shadow_maps| Quality { shadow_maps, ..Quality::default() };
-    for (id, known, paper) in KNOWN {
+    for (id, paper) in KNOWN {
         let maps = [("4", compact(4)), ("16", compact(16)), ("64", compact(64))];
-        for (e, known) in row(&shared, id, "compact", &maps).iter().zip(known) {
-            assert!(*e <= known + 0.03, "{id}: {e}, known {known}");
+        let short = &id[3..];
+        for ((maps, _), error) in maps.iter().zip(row(&shared, id, "compact", &maps)) {
+            wanted::hold(&format!("f1.{short}.compact.{maps}"), error);
         }
         let split = |split| Quality { split, ..Quality::default() };
         let others = [
@@ -57,11 +59,13 @@ fn every_split_and_number_of_maps() {
         // 18.1 % below it, ratios kept within 0 to 1 18.5 %, and with the product of soft light and lobe cut to order 4, as
         // Section 6.2 of [Now11] does, 20.5 % (tests/split_dial.rs). The shadow map has no part in it: 4096 texels make it
         // 20.16 %, one tap 20.15 %, eight taps 20.3 %. The column is what an error costs: less is not worse.
-        assert!((errors[0] / paper - 1.0).abs() < 0.205, "{id}: paper {}, known {paper}", errors[0]);
+        wanted::hold(&format!("f1.{short}.paper"), errors[0] / paper - 1.0);
     }
     // Under a sun few maps do better than by energy times extent (0.34 at n = 2, 0.31 at n = 4).
-    let few = row(&shared, "f1_sun_beach_one", "compact", &[("1", compact(1)), ("2", compact(2))]);
-    assert!(few[0] < 0.26 && few[1] < 0.34, "{few:?}");
+    let few = [("1", compact(1)), ("2", compact(2))];
+    for ((maps, _), error) in few.iter().zip(row(&shared, "f1_sun_beach_one", "compact", &few)) {
+        wanted::hold(&format!("f1.sun_beach_one.compact.{maps}"), error);
+    }
 }
 
 #[test]
@@ -75,7 +79,7 @@ fn every_rung() {
         let best = Quality { directions: 256, ..with(Rung::Directions) };
         let exact = row(&shared, id, "rung", &[("directions 256", best)])[0];
         let hybrid = errors[Rung::ALL.iter().position(|r| *r == Rung::Hybrid).unwrap()];
-        assert!(hybrid <= exact + 0.03, "{id}: hybrid {hybrid}, exact {exact}");
+        wanted::hold(&format!("f1.{}.hybrid", &id[3..]), hybrid - exact);
         assert!(errors.iter().all(|e| e.is_finite()));
     }
 }

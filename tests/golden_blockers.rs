@@ -37,15 +37,24 @@ fn flat<T: Precision>(order: usize, lanes: &LaneSh<T, 1>) -> Vec<T> {
     lanes[..order * order].iter().map(|lane| lane.0[0]).collect()
 }
 
-/// Spheres of an entry as caps seen from the origin.
+/// Fails where logarithms are cut elsewhere than at 0.02, which is the only place that the product knows.
+fn require_eps(entry: &Entry) {
+    if entry.has("eps") && entry.number::<f64>("eps") != 0.02 {
+        entry.unknown("its eps is not 0.02");
+    }
+}
+
+/// Spheres of an entry as caps seen from its point.
 fn caps<T: Precision>(entry: &Entry) -> Vec<Cap<T>> {
     let list = entry.inputs["spheres"].as_array().expect("as the file has it");
+    let point = if entry.has("shade_point") { numbers(&entry.inputs["shade_point"]) } else { vec![0.0; 3] };
     list.iter()
         .map(|sphere| {
             let c = numbers(&sphere["centre"]);
+            let from_point = std::array::from_fn(|i| T::of(c[i] - point[i]));
             let radius = T::of(sphere["radius"].as_f64().expect("as the file has it"));
             let up = [T::zero(), T::zero(), T::one()];
-            Cap::of_sphere([c[0], c[1], c[2]].map(T::of), radius, up).expect("as the file has it")
+            Cap::of_sphere(from_point, radius, up).expect("as the file has it")
         })
         .collect()
 }
@@ -91,6 +100,7 @@ fn chain<T: Precision>(order: usize, caps: &[Cap<T>], guarded: bool) -> LaneSh<T
 }
 
 fn logzh<T: Precision>(entry: &Entry) {
+    require_eps(entry);
     let order = entry.count("order");
     let sine =
         T::of(entry.inputs["angular_radius_deg"].as_f64().expect("as the file has it").to_radians().sin());
@@ -111,6 +121,7 @@ fn ab<T: Precision>(entry: &Entry) {
 }
 
 fn exp<T: Precision>(entry: &Entry) {
+    require_eps(entry);
     let order = entry.count("order");
     let caps = caps::<T>(entry);
     entry.check_key("dc_product", Some(&[cap::mean_product(caps.iter().map(|cap| cap.sine_squared))]));
@@ -177,6 +188,7 @@ fn guarded<T: Precision>(entry: &Entry) {
 }
 
 fn overlap<T: Precision>(entry: &Entry) {
+    require_eps(entry);
     let order = entry.count("order");
     let sine =
         T::of(entry.inputs["angular_radius_deg"].as_f64().expect("as the file has it").to_radians().sin());
@@ -208,7 +220,6 @@ fn blockers_match_the_golden_numbers() {
             ("guard", guarded::<f64>, guarded::<f32>),
             ("overlap", overlap::<f64>, overlap::<f32>),
         ],
-        &[],
     );
 }
 
@@ -299,48 +310,52 @@ fn ladder(order: usize, clustered: bool) -> [[f64; 5]; 8] {
 #[test]
 fn the_ladder_is_as_accurate_as_the_spec_says() {
     let Some(shared) = support::shared("the_ladder_is_as_accurate_as_the_spec_says") else { return };
-    let file = golden::file(&shared);
-    let mut entries = 0;
-    for entry in file["entries"].as_array().into_iter().flatten() {
-        if entry["group"] != "ladder" {
-            continue;
-        }
-        entries += 1;
-        let id = entry["id"].as_str().expect("as the file has it");
-        let order = entry["inputs"]["order"].as_u64().expect("as the file has it") as usize;
-        let errors = ladder(order, id.ends_with("clustered"));
-        println!("{id}: mean relative L2 error of V for 1, 2, 5, 10, 20 spheres, {SCENES} scenes");
-        for ((rung, directions), row) in ROWS.iter().zip(errors) {
-            println!("  {} {directions}: {row:.4?}", rung.name());
-        }
-        let names = ["dc_product", "optimal_linear", "hybrid", "scaling_squaring_taylor2", "chain"];
-        for (row, name) in errors.iter().zip(names) {
-            for ((got, want), count) in row.iter().zip(numbers(&entry["expected"][name])).zip(COUNTS) {
-                // Other random numbers than the 60 scenes of the file, and a truth of 20000 directions (0.0005): the means
-                // scatter by a fifth. Dropping caps in caps makes ours a little better.
-                let most = 0.001 + 0.2 * want;
-                assert!((got - want).abs() < most, "{id} {name}, {count}: {got} instead of {want}");
-            }
-        }
-        // Soft directions, spec 7 at order 4; their error grows with the order and shrinks with N.
-        if id == "ladder.4.spread" {
-            let spec = [
-                [0.018, 0.023, 0.034, 0.047, 0.060],
-                [0.008, 0.011, 0.017, 0.022, 0.030],
-                [0.004, 0.005, 0.008, 0.012, 0.016],
-            ];
-            for (row, spec) in errors[5..].iter().zip(spec) {
-                for (got, want) in row.iter().zip(spec) {
-                    // Without the error of the constant ours is up to a third better at one sphere.
-                    let fair = 0.6 * want..1.1 * want;
-                    assert!(fair.contains(got), "{id}: {row:?} instead of {spec:?}");
-                }
-            }
-        }
-        for k in 0..5 {
-            assert!(errors[6][k] < errors[5][k] && errors[7][k] < errors[6][k], "{id}: more directions help");
-        }
-        assert!(errors[7][4] < errors[4][4], "{id}: with 20 spheres 256 directions beat the chain");
+    golden::run_f32(&shared, &[("ladder", ladder_entry)]);
+}
+
+/// The scenes of an entry: whether they are clustered.
+fn is_clustered(entry: &Entry) -> bool {
+    require_eps(entry);
+    match entry.text("scene") {
+        s if s.starts_with("k centres uniform on upper hemisphere, angular radius U(5,30)") => false,
+        s if s.contains("unit(axis+0.45*N(0,1)^3)") && s.contains("U(5,25)") => true,
+        other => entry.unknown(&format!("its scene is {other}")),
     }
-    assert_eq!(entries, 4, "entries of group \"ladder\"");
+}
+
+fn ladder_entry(entry: &Entry) {
+    let (id, order, clustered) = (entry.id, entry.count("order"), is_clustered(entry));
+    let errors = ladder(order, clustered);
+    println!("{id}: mean relative L2 error of V for 1, 2, 5, 10, 20 spheres, {SCENES} scenes");
+    for ((rung, directions), row) in ROWS.iter().zip(errors) {
+        println!("  {} {directions}: {row:.4?}", rung.name());
+    }
+    let names = ["dc_product", "optimal_linear", "hybrid", "scaling_squaring_taylor2", "chain"];
+    for (row, name) in errors.iter().zip(names) {
+        for ((got, want), count) in row.iter().zip(numbers(&entry.expected[name])).zip(COUNTS) {
+            // Other random numbers than the 60 scenes of the file, and a truth of 20000 directions (0.0005): the means
+            // scatter by a fifth. Dropping caps in caps makes ours a little better.
+            let most = 0.001 + 0.2 * want;
+            assert!((got - want).abs() < most, "{id} {name}, {count}: {got} instead of {want}");
+        }
+    }
+    // Soft directions, spec 7 at order 4; their error grows with the order and shrinks with N.
+    if order == 4 && !clustered {
+        let spec = [
+            [0.018, 0.023, 0.034, 0.047, 0.060],
+            [0.008, 0.011, 0.017, 0.022, 0.030],
+            [0.004, 0.005, 0.008, 0.012, 0.016],
+        ];
+        for (row, spec) in errors[5..].iter().zip(spec) {
+            for (got, want) in row.iter().zip(spec) {
+                // Without the error of the constant ours is up to a third better at one sphere.
+                let fair = 0.6 * want..1.1 * want;
+                assert!(fair.contains(got), "{id}: {row:?} instead of {spec:?}");
+            }
+        }
+    }
+    for k in 0..5 {
+        assert!(errors[6][k] < errors[5][k] && errors[7][k] < errors[6][k], "{id}: more directions help");
+    }
+    assert!(errors[7][4] < errors[4][4], "{id}: with 20 spheres 256 directions beat the chain");
 }

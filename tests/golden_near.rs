@@ -31,13 +31,18 @@ fn ff<T: Precision>(entry: &Entry) {
     entry.check_key("F_exact", Some(&[T::of(form_factor(point, normal, &corners))]));
 }
 
+/// The displayed value of light of 0 to 1.
+fn tone<T: Precision>(light: T) -> T {
+    T::of(255.0) * light.max(T::zero()).min(T::one()).powf(T::of(1.0 / 2.2))
+}
+
 fn transfer<T: Precision>(entry: &Entry) {
     let light = entry.list::<T>("L_ij_sorted");
     let second: Vec<bool> = entry.list::<f64>("set").iter().map(|s| *s == 1.0).collect();
     let total = entry.number::<T>("L_i");
-    let tone = |x: T| T::of(255.0) * x.max(T::zero()).min(T::one()).powf(T::of(1.0 / 2.2));
+    entry.require("T", "255*clamp(x,0,1)^(1/2.2)");
     let mut values = Vec::new();
-    intensity_transfers(&light, &second, total, &tone, &mut values);
+    intensity_transfers(&light, &second, total, &tone::<T>, &mut values);
     entry.check_key("S", Some(&values));
     let occluded: Vec<usize> = entry.list::<f64>("occluded").iter().map(|i| *i as usize).collect();
     let (mut shown, mut left) = (tone(total), total);
@@ -53,17 +58,22 @@ fn transfer<T: Precision>(entry: &Entry) {
 /// file's tolerance. The median of 15 draws is.
 fn fig3<T: Precision>(entry: &Entry) {
     let hidden: Vec<usize> = entry.list::<f64>("P").iter().map(|p| *p as usize).collect();
-    let tone = |x: T| T::of(255.0) * x.max(T::zero()).min(T::one()).powf(T::of(1.0 / 2.2));
+    entry.require("T", "255*clamp(x)^(1/2.2)");
+    let strengths = match entry.text("sources") {
+        "pareto(1.5)+0.05" => Strengths::Pareto,
+        s if s.starts_with("uniform") => Strengths::Uniform,
+        other => entry.unknown(&format!("its sources are {other}")),
+    };
     let draw = |seed: u64| {
         let about = Experiment {
             sources: entry.count("N"),
-            strengths: Strengths::Pareto,
+            strengths,
             division: Division::Chance((100.0 * entry.number::<f64>("split")) as usize),
             datasets: entry.count("datasets"),
             trials: 100,
             seed,
         };
-        two_sets::run(&about, &hidden, &tone)
+        two_sets::run(&about, &hidden, &tone::<T>)
     };
     let draws: Vec<Vec<Off>> = (1..=15).map(draw).collect();
     let median = |of: fn(&Off) -> f64| -> Vec<T> {
@@ -96,17 +106,26 @@ fn names(value: &Value) -> Vec<String> {
     value.as_array().unwrap().iter().map(|v| v.as_str().unwrap().to_owned()).collect()
 }
 
-/// Leaves of the file's tree from left to right, with their transfer; the leaves below each of its nodes.
+/// A leaf of the file's tree.
+struct FileLeaf {
+    id: String,
+    transfer: f32,
+    /// Halved at each level, so that both halves of every node weigh the same.
+    weight: f32,
+}
+
+/// Leaves of the file's tree from left to right; the leaves below each of its nodes.
 fn leaves(
     node: &Value,
-    all: &mut Vec<(String, f32)>,
+    weight: f32,
+    all: &mut Vec<FileLeaf>,
     below: &mut BTreeMap<BTreeSet<String>, String>,
 ) -> BTreeSet<String> {
     let id = node["id"].as_str().unwrap().to_owned();
     let own = match node["ch"].as_array() {
-        Some(children) => children.iter().flat_map(|c| leaves(c, all, below)).collect(),
+        Some(children) => children.iter().flat_map(|c| leaves(c, 0.5 * weight, all, below)).collect(),
         None => {
-            all.push((id.clone(), node["t"].as_f64().unwrap() as f32));
+            all.push(FileLeaf { id: id.clone(), transfer: node["t"].as_f64().unwrap() as f32, weight });
             BTreeSet::from([id.clone()])
         }
     };
@@ -114,67 +133,74 @@ fn leaves(
     own
 }
 
+fn representatives(entry: &Entry) {
+    let (mut all, mut below) = (Vec::new(), BTreeMap::new());
+    leaves(&entry.inputs["tree"], 1.0, &mut all, &mut below);
+    // In a row, where the tree cuts at the median of weight: between the halves of each node of the file's.
+    let places: Vec<Vec3> = (0..all.len()).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
+    let weights: Vec<f32> = all.iter().map(|leaf| leaf.weight).collect();
+    let tree = SourceTree::build(&places, &weights);
+    let name = |node: u32| {
+        let node = tree.nodes()[node as usize];
+        let own: BTreeSet<String> = (node.begin..node.end).map(|l| all[l as usize].id.clone()).collect();
+        below.get(&own).cloned().unwrap_or_else(|| entry.unknown("its tree has other than two children"))
+    };
+    let marked = names(&entry.inputs["marked_leaves"]);
+    let light: Vec<f32> =
+        all.iter().map(|leaf| if marked.contains(&leaf.id) { leaf.transfer } else { 0.0 }).collect();
+    let towards: Vec<Vec3> = places.iter().map(|p| (*p + Vec3::Z * 3.0).normalize()).collect();
+    let mut expander = Expander::default();
+    let trees = [Marked { tree: &tree, light: &light, towards: &towards, lasting: true }];
+    let chosen = expander.expand(&trees, entry.count("n"), Priority::Transfer);
+    let got: BTreeSet<String> = chosen.iter().map(|c| name(c.node)).collect();
+    let want = names(&entry.expected["fixed_key_marked_only_collapsed"]);
+    assert_eq!(got, want.into_iter().collect(), "{}", entry.id);
+}
+
+fn sources_by_radiance(entry: &Entry) {
+    let listed = entry.inputs["patches"].as_array().unwrap();
+    let number = |patch: &Value, key: &str| patch[key].as_f64().unwrap() as f32;
+    let patches: Vec<Patch> = listed
+        .iter()
+        .map(|p| Patch {
+            corners: [0, 1, 2, 2],
+            centre_world: Vec3::ZERO,
+            normal_world: Vec3::Z,
+            area_m2: number(p, "A"),
+            radiance_rgb: [number(p, "L"); 3],
+            reflectance_rgb: [0.0; 3],
+            seen: true,
+            surface: 0,
+        })
+        .collect();
+    let set = source_set(&patches, entry.number::<f64>("fraction"));
+    let got: Vec<&str> = set.patches.iter().map(|&i| listed[i as usize]["id"].as_str().unwrap()).collect();
+    assert_eq!(got, names(&entry.expected["by_radiance"]), "{}", entry.id);
+    assert_eq!(set.left_out, listed.len() - got.len());
+    let power = |p: &Value| f64::from(number(p, "A") * number(p, "L"));
+    let share = set.patches.iter().map(|&i| power(&listed[i as usize])).sum::<f64>()
+        / listed.iter().map(power).sum::<f64>();
+    assert!((f64::from(set.power_share) - share).abs() < 1e-6, "{}: {}", entry.id, set.power_share);
+}
+
+fn dropped_by_a_budget(entry: &Entry) {
+    let mut values = vec![1.0f32; entry.count("N_equal_sources")];
+    let threshold = budget_threshold(&mut values, entry.number::<f64>("threshold"));
+    let dropped = values.iter().filter(|v| **v < threshold).count() as f64 / values.len() as f64;
+    let most = numbers(&entry.expected["budgeted_dropped_max"])[0];
+    assert!(dropped <= most, "{}: {dropped}", entry.id);
+    // The rule as printed drops each share below the threshold, which is all of them or none.
+    let naive = (1.0 / values.len() as f64) < entry.number::<f64>("threshold");
+    let naive_dropped = numbers(&entry.expected["naive_dropped_energy"])[0];
+    assert_eq!(f64::from(u8::from(naive)), naive_dropped, "{}", entry.id);
+}
+
 fn rule(entry: &Entry) {
-    match entry.id.split('.').nth(1) {
-        Some("repr") => {
-            let (mut all, mut below) = (Vec::new(), BTreeMap::new());
-            leaves(&entry.inputs["tree"], &mut all, &mut below);
-            // Five leaves of equal weight in a row are cut 3 + 2, then 2 + 1: the file's tree.
-            let places: Vec<Vec3> = (0..all.len()).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
-            let tree = SourceTree::build(&places, &vec![1.0; all.len()]);
-            let marked = names(&entry.inputs["marked_leaves"]);
-            let light: Vec<f32> =
-                all.iter().map(|(id, t)| if marked.contains(id) { *t } else { 0.0 }).collect();
-            let towards: Vec<Vec3> = places.iter().map(|p| (*p + Vec3::Z * 3.0).normalize()).collect();
-            let mut expander = Expander::default();
-            let trees = [Marked { tree: &tree, light: &light, towards: &towards, lasting: true }];
-            let chosen = expander.expand(&trees, entry.count("n"), Priority::Transfer);
-            let got: BTreeSet<String> = chosen
-                .iter()
-                .map(|c| {
-                    let node = tree.nodes()[c.node as usize];
-                    let own =
-                        (node.begin..node.end).map(|l| all[l as usize].0.clone()).collect::<BTreeSet<_>>();
-                    below[&own].clone()
-                })
-                .collect();
-            let want = names(&entry.expected["fixed_key_marked_only_collapsed"]);
-            assert_eq!(got, want.into_iter().collect(), "{}", entry.id);
-        }
-        Some("sourceset") => {
-            let listed = entry.inputs["patches"].as_array().unwrap();
-            let patches: Vec<Patch> = listed
-                .iter()
-                .map(|p| Patch {
-                    corners: [0, 1, 2, 2],
-                    centre_world: Vec3::ZERO,
-                    normal_world: Vec3::Z,
-                    area_m2: p["A"].as_f64().unwrap() as f32,
-                    radiance_rgb: [p["L"].as_f64().unwrap() as f32; 3],
-                    reflectance_rgb: [0.0; 3],
-                    seen: true,
-                    surface: 0,
-                })
-                .collect();
-            let set = source_set(&patches, entry.number::<f64>("fraction"));
-            let got: Vec<&str> =
-                set.patches.iter().map(|&i| listed[i as usize]["id"].as_str().unwrap()).collect();
-            assert_eq!(got, names(&entry.expected["by_radiance"]), "{}", entry.id);
-            assert_eq!(set.left_out, listed.len() - got.len());
-            assert!((set.power_share - 35.8 / 40.8).abs() < 1e-6, "{}", set.power_share);
-        }
-        Some("twopercent") => {
-            let mut values = vec![1.0f32; entry.count("N_equal_sources")];
-            let threshold = budget_threshold(&mut values, entry.number::<f64>("threshold"));
-            let dropped = values.iter().filter(|v| **v < threshold).count() as f64 / values.len() as f64;
-            let most = numbers(&entry.expected["budgeted_dropped_max"])[0];
-            assert!(dropped <= most, "{}: {dropped}", entry.id);
-            // The rule as printed drops each share below the threshold, which is all of them or none.
-            let naive = (1.0 / values.len() as f64) < entry.number::<f64>("threshold");
-            let naive_dropped = numbers(&entry.expected["naive_dropped_energy"])[0];
-            assert_eq!(f64::from(u8::from(naive)), naive_dropped, "{}", entry.id);
-        }
-        _ => panic!("{}: no test for it", entry.id),
+    match ["tree", "patches", "N_equal_sources"].map(|key| entry.has(key)) {
+        [_, _, true] => dropped_by_a_budget(entry),
+        [true, ..] => representatives(entry),
+        [_, true, _] => sources_by_radiance(entry),
+        _ => entry.unknown("neither a tree, patches nor equal sources"),
     }
 }
 
@@ -188,7 +214,6 @@ fn golden_near() {
             ("transfer", transfer::<f64>, transfer::<f32>),
             ("fig3", fig3::<f64>, fig3::<f32>),
         ],
-        &[],
     );
     golden::run_f32(&shared, &[("shaft", shaft), ("rule", rule)]);
 }

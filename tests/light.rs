@@ -17,6 +17,7 @@ use halflight::{
     },
 };
 use proptest::prelude::*;
+use support::wanted;
 
 const LAYOUTS: [MapLayout; 3] = [MapLayout::Equirect, MapLayout::Angular, MapLayout::Cube];
 
@@ -89,13 +90,15 @@ fn the_beach_probe_has_its_published_light() {
     samples_of_angular_map(&radiance, TexelPoint::Corner, &mut corners);
     let (scale, worst) = compare(&published_convention(&corners, beach_axes()), &BEACH);
     println!("beach, texels read at corners: scale {scale:.5}, worst {:.4} % of L00", 100.0 * worst);
-    assert!((scale - 2.492).abs() < 1e-3 && worst < 5e-4, "{scale} {worst}");
+    assert!((scale - 2.492).abs() < 1e-3, "{scale}");
+    wanted::hold("light.beach.corner", worst);
     // At their centres, where they are (the disc in the picture is symmetric about 320.0): half a texel, 0.28 degrees,
     // moves the light by 0.326 %.
     let centres = samples_of(MapLayout::Angular, radiance);
     let (scale, worst) = compare(&published_convention(&centres, beach_axes()), &BEACH);
     println!("beach, texels read at centres: scale {scale:.5}, worst {:.4} % of L00", 100.0 * worst);
-    assert!((scale - 2.5018).abs() < 1e-3 && worst < 3.5e-3, "{scale} {worst}");
+    assert!((scale - 2.5018).abs() < 1e-3, "{scale}");
+    wanted::hold("light.beach.centre", worst);
 }
 
 #[test]
@@ -106,7 +109,7 @@ fn the_grace_cube_has_its_published_light() {
     let (scale, worst) =
         compare(&published_convention(&samples_of(map.layout, map.radiance), DMat3::IDENTITY), &GRACE);
     println!("Grace cube: scale {scale:.3}, worst {:.3} % of L00", 100.0 * worst);
-    assert!(worst < 5.5e-3, "{worst}");
+    wanted::hold("light.grace", worst);
 }
 
 #[test]

@@ -299,7 +299,7 @@ fn the_reference_balls_give_their_light() {
             .geometry
             .iter()
             .find_map(|g| match g.shape {
-                case::Shape::Sphere { centre, radius } => Some((centre, radius)),
+                case::ExactShape::Sphere { centre, radius } => Some((centre, radius)),
                 _ => None,
             })
             .unwrap();

@@ -3,6 +3,7 @@
 
 #[path = "support/lit_room.rs"]
 mod lit_room;
+mod support;
 
 use halflight::{
     animate::posed::Posed,
@@ -21,6 +22,7 @@ use halflight::{
     plan::{FramePlan, Pass, effects},
 };
 use std::sync::Arc;
+use support::wanted;
 
 const SIZE: (usize, usize) = (160, 120);
 
@@ -144,6 +146,7 @@ fn many_lights_show_the_known_errors() {
     // all of them are hidden: 2 T(L/2) - T(L) - T(0) (spec 9), which is 85.5 for the exposure of 0.49, and each light's rounding.
     assert!(one.0.abs() < 0.05 && one.1 <= 1, "{one:?}");
     for (mean, most) in many {
-        assert!(mean > 0.5 && mean < 2.0 && (50..=90).contains(&most), "{mean} {most}");
+        assert!(mean > 0.5 && mean < 2.0 && most >= 50, "{mean} {most}");
+        wanted::hold("near_forms.darkest", f64::from(most));
     }
 }

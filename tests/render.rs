@@ -1,14 +1,13 @@
-//! Stills of the reference cases against ray-traced truth.
+//! Stills of the reference cases against ray-traced truth: not through a camera, a recording or the pipeline. The light comes
+//! from the case's file, the picture of the place is shaded by the laboratory; halving, planning and drawing are the product's.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 
-use halflight::assets::{
-    case::{self, Case},
-    pictures,
-};
-use halflight::cli::render::{Comparison, Drawn, Still, compare, of_case};
+use halflight::assets::pictures;
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::case::{self, Case, Comparison, compare, of_case};
+use halflight::lab::still::{Drawn, Still};
 use halflight::model::{image::RadianceImage, quality::Quality};
 use halflight::plan::Pass;
 use std::path::Path;

@@ -1,11 +1,12 @@
-//! F2: mesh, ball and mirror ball on a plane under a distant environment, against ray-traced truth.
+//! F2: mesh, ball and mirror ball on a plane under a distant environment, against ray-traced truth: not through a camera, a
+//! recording or the pipeline; the picture of the place is shaded by the laboratory.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 
-use halflight::assets::{case, pictures};
-use halflight::cli::render::{compare, of_case};
+use halflight::assets::pictures;
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::case::{self, compare, of_case};
 use halflight::model::{
     image::{Image, RadianceImage},
     quality::{Quality, SelfShadow},

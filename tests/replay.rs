@@ -7,6 +7,7 @@ mod support;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use support::wanted;
 
 const RECORDING: &str = "tests/recordings/desk.mcap";
 const SCENE: &str = "tests/scenes/desk.toml";
@@ -52,7 +53,7 @@ fn light_and_pose_agree_with_the_truth() {
     println!("{:#}", report["light"]);
     println!("{:#}", report["pose"]);
     // The demand: the dominant direction within 2 degrees of the truth on every frame after the warm-up.
-    assert!(number("/light/direction_error/max_deg") <= 2.0);
+    wanted::hold("replay.direction", number("/light/direction_error/max_deg"));
     // Measured: 0.67 in the median, 0.77 at worst, the lamp being near (see below).
     assert!(number("/light/direction_error/median_deg") <= 0.75);
     // E_d against the truth at the ball's centre. Measured: medians 1.8, 2.4 and 1.2 %, worst 2.9, 3.5 and 3.0 % (red,
@@ -67,8 +68,8 @@ fn light_and_pose_agree_with_the_truth() {
         assert!(error("max") <= 0.045, "channel {channel}: {}", error("max"));
     }
     // Tag pose within 2 mm and 0.5 degrees (median).
-    assert!(number("/pose/position_error/median_mm") <= 2.0);
-    assert!(number("/pose/rotation_error/median_deg") <= 0.5);
+    wanted::hold("replay.position", number("/pose/position_error/median_mm"));
+    wanted::hold("replay.rotation", number("/pose/rotation_error/median_deg"));
     assert!(report["pose"]["measured_frames"].as_u64().unwrap() >= 60);
     for stage in ["track", "merge", "light", "relight"] {
         assert!(number(&format!("/stages/{stage}/p95_ms")) >= number(&format!("/stages/{stage}/median_ms")));

@@ -24,11 +24,13 @@ use halflight::{
         error::RoomError,
         faces::Faces,
         prepare::{CameraPicture, KnownRoom, RoomLight, RoomSettings, prepare},
+        probe::Probe,
     },
 };
 use proptest::prelude::*;
 use room_model::{Part, glb, material, room};
 use std::path::{Path, PathBuf};
+use support::wanted;
 
 fn decode(parts: &[Part]) -> Result<LoadedRoom, String> {
     decode_room(Path::new("room.glb"), &glb(parts, "", "")).map_err(|e| e.to_string())
@@ -152,7 +154,7 @@ fn prepared(room: Room, light: RoomLight<'_>) -> Result<KnownRoom, RoomError> {
 }
 
 fn probe(map: &EnvironmentMap, position_world: Vec3) -> RoomLight<'_> {
-    RoomLight::Probe { map, world_from_map: DMat3::IDENTITY, position_world, factor_sun: true }
+    RoomLight::Probe(Probe { map, world_from_map: DMat3::IDENTITY, position_world, factor_sun: true })
 }
 
 #[test]
@@ -196,7 +198,8 @@ fn a_probe_in_a_wall_is_an_error_that_names_the_file() {
     };
     let report = ready(0.3, MapLayout::Equirect).unwrap();
     // But for what the lamp hides of the ceiling everything was seen; patches are many and small there.
-    assert!(report.fronts > 0.999 && report.seen_patches > 10 * report.filled_patches, "{report:?}");
+    assert!(report.fronts > 0.999, "{report:?}");
+    wanted::hold("room_input.filled", report.filled_patches as f64 / report.seen_patches as f64);
     let error = ready(-0.8, MapLayout::Equirect).unwrap_err();
     assert!(error.contains("room.glb") && error.contains("must be inside of the room"), "{error}");
     let error = ready(0.3, MapLayout::Cube).unwrap_err();
@@ -256,11 +259,8 @@ fn the_sun_behind_a_window_shines_in() {
     }
     assert!(lit > 10 && lit < split.sun_rgb.len() / 4, "{lit} of {}", split.sun_rgb.len());
     // All light of before is there; as part of the window it would have shone everywhere.
-    let RoomLight::Probe { map: same, world_from_map, position_world, .. } = probe(&map, Vec3::ZERO) else {
-        panic!()
-    };
-    let whole = RoomLight::Probe { map: same, world_from_map, position_world, factor_sun: false };
-    let whole = prepared(room, whole).unwrap();
+    let RoomLight::Probe(split_probe) = probe(&map, Vec3::ZERO) else { panic!() };
+    let whole = prepared(room, RoomLight::Probe(Probe { factor_sun: false, ..split_probe })).unwrap();
     assert!(whole.suns.is_empty() && windows(&whole).1 > 100.0);
     let (before, after) = (whole.report.probe.unwrap(), split.report.probe.unwrap());
     for c in 0..3 {

@@ -3,6 +3,7 @@
 
 #[path = "support/lit_room.rs"]
 mod lit_room;
+mod support;
 
 use glam::{DVec2, DVec3, Vec3};
 use halflight::{
@@ -17,61 +18,60 @@ use halflight::{
         quality::Quality,
         response::Response,
         room::{Face, RoomSurface},
+        scene::Scene,
         time::Timestamp,
     },
     nearfield::{
         irradiance::sent_out,
+        prepare::KnownRoom,
         transfer::{SourceOutline, Statics},
     },
     plan::{FramePlan, effects},
 };
 use std::sync::Arc;
+use support::wanted;
 
 const SIZE: (u32, u32) = (320, 240);
 /// Rays to each patch: this squared.
 const SIDE: u32 = 3;
 /// Green of the objects' material.
 const ALBEDO: f32 = 0.4;
-/// Balls of `lit_room`: name, centre and radius; how far off they may be, over their mean light: the median, 19 of 20, and the
-/// mean. Measured: 0.057, 0.135, -0.029 and 0.038, 0.074, -0.011; a tenth more. The light is that of a grid of 0.35 m, of order
-/// 4, less what the maps of 50 lights see hidden by the objects' stand-ins, at vertices.
-const BALLS: [(&str, Vec3, f32, [f32; 3]); 2] = [
-    ("over the table", Vec3::new(0.1, 0.05, 0.16), 0.09, [0.063, 0.149, 0.032]),
-    ("on the floor", Vec3::new(0.3, -0.8, -0.58), 0.15, [0.042, 0.082, 0.012]),
-];
+/// Balls of `lit_room`: what each is over or on, centre and radius. Their light is that of a grid of 0.35 m, of order 4, less
+/// what the maps of 50 lights see hidden by the objects' stand-ins, at vertices. How far off it may be, over its mean, stands
+/// in `wanted.tsv`: a tenth more than measured.
+const BALLS: [(&str, Vec3, f32); 2] =
+    [("table", Vec3::new(0.1, 0.05, 0.16), 0.09), ("floor", Vec3::new(0.3, -0.8, -0.58), 0.15)];
 
-#[test]
-fn objects_are_lit_as_rays_say() {
-    let known = Arc::new(lit_room::known_room(false));
-    let scene = lit_room::scene(&known);
-    let lens = Lens::pinhole(SIZE.0, SIZE.1, 200.0, 200.0, 160.0, 120.0);
-    let pose = Pose::look_at(DVec3::new(0.9, -1.2, 0.95), DVec3::new(0.1, -0.4, -0.2), DVec3::Z);
+/// The picture of the room's objects.
+fn draw(known: &Arc<KnownRoom>, scene: &Scene, posed: &Posed, lens: &Lens, pose: &Pose) -> Picture {
     let mut background = HdrImage::default();
     background.radiance.reshape(SIZE.0 as usize, SIZE.1 as usize, [1.0; 3]);
     background.flags.reshape(SIZE.0 as usize, SIZE.1 as usize, 0);
     let light = Lights::soft(RadianceSh::zero(4));
     let quality = Quality { shadow_maps: 50, ..Quality::default() };
     let mut plan = FramePlan::default();
-    effects::plan(&effects::Occasion::SHOW, &scene, &light, &quality, &mut plan);
+    effects::plan(&effects::Occasion::SHOW, scene, &light, &quality, &mut plan);
     let mut engine = CpuEngine::new(None).unwrap();
-    engine.load_room(Some(Arc::clone(&known))).unwrap();
-    engine.load_scene(&scene).unwrap();
-    let posed = Posed::new(&scene);
+    engine.load_room(Some(Arc::clone(known))).unwrap();
+    engine.load_scene(scene).unwrap();
     let input = RelightInput {
         background: &background,
-        lens: &lens,
-        world_from_camera: &pose,
+        lens,
+        world_from_camera: pose,
         light: &light,
         environment: None,
-        posed: Some(&posed),
+        posed: Some(posed),
         response: &Response::srgb(),
         shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
         t: Timestamp(0),
     };
     let mut out = Picture::default();
     engine.relight(&plan, &input, &mut out).unwrap();
+    out
+}
 
-    // Whatever hides: the room and the objects.
+/// Whatever hides: the room and the objects.
+fn everything(known: &KnownRoom, scene: &Scene, posed: &Posed) -> Statics {
     let mut everything = known.room.clone();
     for (object, posed) in scene.objects.iter().zip(posed.objects()) {
         everything.surfaces.push(RoomSurface {
@@ -81,7 +81,18 @@ fn objects_are_lit_as_rays_say() {
             ..RoomSurface::default()
         });
     }
-    let statics = Statics::new(&everything);
+    Statics::new(&everything)
+}
+
+#[test]
+fn objects_are_lit_as_rays_say() {
+    let known = Arc::new(lit_room::known_room(false));
+    let scene = lit_room::scene(&known);
+    let posed = Posed::new(&scene);
+    let lens = Lens::pinhole(SIZE.0, SIZE.1, 200.0, 200.0, 160.0, 120.0);
+    let pose = Pose::look_at(DVec3::new(0.9, -1.2, 0.95), DVec3::new(0.1, -0.4, -0.2), DVec3::Z);
+    let out = draw(&known, &scene, &posed, &lens, &pose);
+    let statics = everything(&known, &scene, &posed);
     let patches = &known.field.patches;
     let shining: Vec<(SourceOutline, f32)> = (0u32..)
         .zip(&patches.patches)
@@ -89,7 +100,7 @@ fn objects_are_lit_as_rays_say() {
         .filter(|(_, radiance)| *radiance > 0.0)
         .collect();
     let eye = pose.translation.as_vec3();
-    for (name, centre, radius, [most_median, most_of_20, most_mean]) in BALLS {
+    for (name, centre, radius) in BALLS {
         let (mut pairs, mut pixel) = (Vec::new(), 0u32);
         for y in (2..SIZE.1).step_by(2) {
             for x in (2..SIZE.0).step_by(2) {
@@ -125,6 +136,8 @@ fn objects_are_lit_as_rays_say() {
             pairs.len()
         );
         assert!(pairs.len() > 60 && mean > 0.1, "{name}");
-        assert!(median <= most_median && most <= most_of_20 && bias.abs() <= most_mean, "{name}");
+        for (figure, off) in [("median", median), ("most", most), ("mean", bias)] {
+            wanted::hold(&format!("room_objects.{name}.{figure}"), f64::from(off));
+        }
     }
 }

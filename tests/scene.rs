@@ -109,6 +109,24 @@ fn every_key_is_understood() {
 }
 
 #[test]
+fn light_from_below_is_understood() {
+    use halflight::light::below::BelowHorizon;
+    let below = |keys: &str| {
+        let text = format!("[light]\nconstant = [1, 1, 1]\n{keys}");
+        parse(Path::new("below.toml"), &text).map(|file| file.light_below)
+    };
+    assert_eq!(below("").unwrap(), BelowHorizon::AsGiven);
+    assert_eq!(below("below = \"dark\"").unwrap(), BelowHorizon::Dark);
+    let surface = |albedo_rgb| BelowHorizon::Surface { albedo_rgb };
+    assert_eq!(below("below = \"surface\"").unwrap(), surface([0.5; 3]));
+    let stated = below("below = \"surface\"\nsurface_albedo_rgb = [0.1, 0.2, 0.3]").unwrap();
+    assert_eq!(stated, surface([0.1, 0.2, 0.3]));
+    let wrong = |keys: &str| below(keys).unwrap_err().to_string();
+    assert!(wrong("below = \"sand\"").contains("light.below = \"sand\": must be one of \"given\""));
+    assert!(wrong("surface_albedo_rgb = [0.1, 0.2, 0.3]").contains("light.surface_albedo_rgb"));
+}
+
+#[test]
 fn a_room_is_understood() {
     let room = parse(Path::new("folder/all.toml"), EVERY_KEY).unwrap().room.unwrap();
     assert_eq!(room.file, Path::new("folder/room.glb"));
@@ -155,13 +173,35 @@ fn all_mistakes_are_told_at_once() {
         .replace("exposures_s = [0.01, 0.04]", "exposures_s = [0.01]");
     let error = parse(Path::new("bad.toml"), &text).unwrap_err().to_string();
     for words in [
-        "bad.toml: tag[0].side_m = -1: must be a number within 0.001..=10",
+        "bad.toml:35:10: tag[0].side_m = -1: must be a number within 0.001..=10",
         "light.rotation_degree = 30.0: must be a known key (did you mean rotation_deg?)",
         "object[1].material.kind = \"glass\": must be one of \"lambert\", \"phong\", \"mirror\"",
         "camera.exposures_s = [0.01]: must be",
     ] {
         assert!(error.contains(words), "{words}\nis not in\n{error}");
     }
+}
+
+/// A type that is wrong, a number out of range, an unknown key, a missing one, and text that is no TOML.
+#[test]
+fn mistakes_say_their_line_and_column() {
+    let text = "[camera]\nlens = { width = 640, height = 480, fx = \"ü\", fy = 1.0, cx = 0, cy = 0 }\n\n\
+                [[tag]]\n  id = 3\n  side_m = 20.50 # metres\n[[object]]\nshape = \"box\"\n\
+                size = [ 0.1,\n  0.2 ]\nyaw_dge = 1\n[ball]\ncentre = [0, 0, 0]\n";
+    let error = parse(Path::new("bad.toml"), text).unwrap_err().to_string();
+    let expected = [
+        "bad.toml:2:42: camera.lens.fx = \"ü\": must be a number above 0, in pixels",
+        "bad.toml:6:12: tag[0].side_m = 20.50: must be a number within 0.001..=10",
+        "bad.toml:9:8: object[0].size = [ 0.1, 0.2 ]: must be three numbers above 0",
+        "bad.toml:11:1: object[0].yaw_dge = 1: must be a known key (did you mean yaw_deg?)",
+        "bad.toml:12:1: ball.radius_m: must be given: a number within 0.001..=10",
+    ];
+    assert_eq!(error.lines().collect::<Vec<_>>(), expected);
+    let error = parse(Path::new("bad.toml"), "[ball]\nradius_m = = 3\n").unwrap_err().to_string();
+    assert!(error.starts_with("bad.toml:2:12: is not valid TOML ("), "{error}");
+    // A key that nothing resembles.
+    let error = parse(Path::new("bad.toml"), "[room]\nfile = \"a.glb\"\nxyzzy = 1").unwrap_err().to_string();
+    assert!(error.starts_with("bad.toml:3:1: room.xyzzy = 1: must be one of file, light, probe"), "{error}");
 }
 
 #[test]

@@ -3,8 +3,9 @@
 
 use glam::DVec3;
 use halflight::assets::scene;
-use halflight::cli::render::{Still, of_scene};
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::HOST;
+use halflight::lab::still::{Drawn, Still, of_scene};
 use halflight::model::quality::Quality;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -57,12 +58,12 @@ fn write_map(file: &Path, column: usize, row: usize) {
     .unwrap();
 }
 
-fn still(folder: &Path, light: &str) -> (Still, halflight::cli::render::Drawn) {
+fn still(folder: &Path, light: &str) -> (Still, Drawn) {
     let file = folder.join("scene.toml");
     std::fs::write(&file, format!("{SCENE}{light}")).unwrap();
     let file = scene::load(&file).unwrap();
     let (mut engine, quality) = (CpuEngine::new(Some(2)).unwrap(), Quality::default());
-    let still = of_scene(&file, &mut engine, &quality, &mut Vec::new()).unwrap();
+    let still = of_scene(&file, &mut engine, &quality, &HOST, &mut Vec::new()).unwrap();
     let drawn = still.draw(&mut engine, &quality, None, 0).unwrap();
     assert!(drawn.radiance.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
     (still, drawn)
@@ -119,6 +120,42 @@ fn light_from_a_picture_of_the_surroundings() {
         let away = -DVec3::new(want.x, want.y, 0.0).normalize() * 0.09;
         assert!(seen(away) < 0.5, "{turn_deg}: {}", seen(away));
         assert!((seen(-3.0 * away) - 1.0).abs() < 0.02, "{turn_deg}: {}", seen(-3.0 * away));
+    }
+}
+
+/// Gray of the sphere's lower half over that of its upper half, in soft light alone.
+fn undersides(folder: &Path, light: &str) -> f64 {
+    let (still, drawn) = still(folder, light);
+    let centre = DVec3::new(0.0, 0.0, 0.05);
+    let camera_from_world = still.world_from_camera.inverse();
+    let seen = |height: f64| {
+        // The outline's left side, seen from -y: its normals look to -x and up or down.
+        let at = centre + 0.049 * DVec3::new(-0.6, -0.6, height).normalize();
+        let pixel = still.lens.project(camera_from_world.transform(at)).unwrap();
+        f64::from(drawn.radiance.at(pixel.x as usize, pixel.y as usize)[0])
+    };
+    seen(-0.4) / seen(0.8)
+}
+
+#[test]
+fn light_from_below_the_horizon_is_what_the_file_says() {
+    let folder = Folder::new("below");
+    // A uniform sky, stated and as a picture: below is everywhere as bright as above.
+    exr::prelude::write_rgb_file(folder.0.join("sky.exr"), COLUMNS, ROWS, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
+    for light in ["constant = [1.0, 1.0, 1.0]", "file = \"sky.exr\""] {
+        let of = |below: &str| undersides(&folder.0, &format!("[light]\n{light}\n{below}\n"));
+        let (given, dark) = (of(""), of("below = \"dark\""));
+        let (black, white) = (
+            of("below = \"surface\"\nsurface_albedo_rgb = [0.0, 0.0, 0.0]"),
+            of("below = \"surface\"\nsurface_albedo_rgb = [1.0, 1.0, 1.0]"),
+        );
+        println!("{light}: given {given:.3}, dark {dark:.3}, black {black:.3}, white {white:.3}");
+        assert!((given - of("below = \"given\"")).abs() < 1e-6, "given is the default");
+        assert!(dark < 0.8 * given, "{light}: {dark} {given}");
+        assert!((black - dark).abs() < 0.01, "a black surface is dark: {black} {dark}");
+        // A white one sends back what comes from above: as a second sky.
+        assert!((white - given).abs() < 0.03, "{light}: {white} {given}");
     }
 }
 

@@ -6,7 +6,7 @@ mod support;
 
 use glam::{DVec2, Vec3};
 use halflight::assets::{
-    case::{self, Case, EmitterKind, Shape},
+    case::{self, Case, EmitterKind, ExactShape},
     pictures,
 };
 use halflight::compose::{shade_object::LightTerms, shade_surface, soft_shadow::Transfer};
@@ -30,7 +30,7 @@ impl Spheres {
             case.geometry
                 .iter()
                 .filter_map(|g| match g.shape {
-                    Shape::Sphere { centre, radius } => Some((centre.as_vec3(), radius as f32)),
+                    ExactShape::Sphere { centre, radius } => Some((centre.as_vec3(), radius as f32)),
                     _ => None,
                 })
                 .collect(),

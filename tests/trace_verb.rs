@@ -4,11 +4,12 @@
 mod support;
 
 use halflight::assets::{case, pictures, scene};
-use halflight::cli::{
-    render,
-    trace::{LightOf, of_still},
-};
 use halflight::engine::cpu::CpuEngine;
+use halflight::lab::HOST;
+use halflight::lab::still::{
+    of_scene,
+    traced::{LightOf, of_still},
+};
 use halflight::math::color::gray;
 use halflight::model::{image::RadianceImage, quality::Quality};
 use halflight::reference::{TraceSettings, Traced, trace};
@@ -57,7 +58,7 @@ fn both(folder: &Folder, light: &str, how: &TraceSettings) -> (RadianceImage, Tr
     let file = scene::parse(&folder.file("scene.toml"), &format!("{SCENE}{light}")).unwrap();
     let quality = Quality { shadow_maps: 32, ..Quality::default() };
     let mut engine = CpuEngine::new(None).unwrap();
-    let still = render::of_scene(&file, &mut engine, &quality, &mut Vec::new()).unwrap();
+    let still = of_scene(&file, &mut engine, &quality, &HOST, &mut Vec::new()).unwrap();
     let drawn = still.draw(&mut engine, &quality, Some(1.0), 0).unwrap();
     let scene = of_still(LightOf::File(&file), &still, &quality).unwrap();
     (drawn.radiance, trace(&scene, how, &|_| ()).unwrap())
@@ -154,7 +155,7 @@ fn a_room_named_in_a_scene_is_the_room_of_the_case() {
     let file = scene::parse(Path::new("scene.toml"), &text).unwrap();
     let quality = Quality::default();
     let mut engine = CpuEngine::new(None).unwrap();
-    let still = render::of_scene(&file, &mut engine, &quality, &mut Vec::new()).unwrap();
+    let still = of_scene(&file, &mut engine, &quality, &HOST, &mut Vec::new()).unwrap();
     let how = TraceSettings { step_px: 8, ..settings(128) };
     let from_scene =
         trace(&of_still(LightOf::File(&file), &still, &quality).unwrap(), &how, &|_| ()).unwrap().without();
@@ -217,4 +218,27 @@ fn a_cut_trace_goes_on_and_a_foreign_one_is_refused() {
     refused(&[&file, "--out", &cut, "--samples", "0"], "samples = 0: must be within");
     refused(&[&file, "--out", &cut, "--image", "with"], "--image: belongs to reference cases");
     refused(&["none.toml", "--out", &cut], "none.toml");
+}
+
+#[test]
+fn the_noise_of_a_single_pass_is_not_known() {
+    let folder = Folder::new("noise");
+    let file = folder.file("scene.toml");
+    let light = "[light]\nconstant = [0.3, 0.4, 0.5]\n";
+    std::fs::write(&file, format!("{SCENE}{light}")).unwrap();
+    let (file, out) = (file.display().to_string(), folder.file("out").display().to_string());
+    let trace = |more: &[&str]| {
+        let (status, told, errors) = run(&[&[file.as_str(), "--out", &out, "--step-px", "2"], more].concat());
+        assert_eq!(status, 0, "{errors}");
+        told
+    };
+    let one = trace(&["--samples", "16", "--samples-a-pass", "16"]);
+    assert!(one.contains("16 samples a pixel") && one.contains("not known from a single pass"), "{one}");
+    assert!(!one.contains("0.000 %"), "{one}");
+    let json: serde_json::Value =
+        serde_json::from_str(&trace(&["--samples", "16", "--samples-a-pass", "16", "--json"])).unwrap();
+    assert!(json["noise"]["shadow_relative"].is_null() && json["noise"]["samples_a_pixel"] == 16, "{json}");
+    // Left alone, 16 samples are 16, in passes enough to tell the noise.
+    let told = trace(&["--samples", "16"]);
+    assert!(told.contains("16 samples a pixel") && !told.contains("not known"), "{told}");
 }

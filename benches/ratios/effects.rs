@@ -1,5 +1,6 @@
 //! What scenes cost that call for less than everything, and an empty one against copying the camera's picture.
 
+use crate::{frame::object, timing::median};
 use glam::{Affine3A, DVec3, Vec3};
 use halflight::{
     animate::posed::Posed,
@@ -20,7 +21,7 @@ use halflight::{
         picture::Picture,
         quality::{Effects, Quality},
         response::Response,
-        scene::{Material, RealSurface, Scene, VirtualObject},
+        scene::{Material, RealSurface, Scene},
         time::Timestamp,
     },
     plan::{
@@ -34,13 +35,6 @@ const FRAMES: usize = 15;
 
 /// A ball, a mirror and a glossy box on a table, each with a sphere.
 fn scene() -> Scene {
-    let object = |name: &str, mesh, material, at| VirtualObject {
-        name: name.into(),
-        mesh,
-        material,
-        world_from_object: Affine3A::from_translation(at),
-        openness: Vec::new(),
-    };
     let matt = Material::Lambert { albedo_rgb: [0.7, 0.5, 0.3] };
     let mirror = Material::Mirror { reflectance_rgb: [0.9; 3] };
     let glossy = Material::Phong { albedo_rgb: [0.2, 0.3, 0.6], specular_rgb: [0.3; 3], exponent: 20.0 };
@@ -158,11 +152,6 @@ fn measure(engine: &mut dyn Engine, case: &Case, effects: Effects) -> f64 {
         })
         .collect();
     median(&mut all)
-}
-
-fn median(all: &mut [f64]) -> f64 {
-    all.sort_by(f64::total_cmp);
-    all[all.len() / 2]
 }
 
 fn compare(engine: &mut dyn Engine) {

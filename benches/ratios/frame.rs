@@ -2,6 +2,7 @@
 //!
 //! OpenGL ES 3.1 on Mesa: run with `MESA_GL_VERSION_OVERRIDE=3.0 MESA_GLES_VERSION_OVERRIDE=3.1`.
 
+use crate::timing::median;
 use glam::{Affine3A, DVec3, Vec3};
 use halflight::light::unwrap_ball::BallShot;
 use halflight::{
@@ -20,7 +21,7 @@ use halflight::{
         quality::Quality,
         response::Response,
         rig::MirrorBall,
-        scene::{Material, RealSurface, Scene, VirtualObject},
+        scene::{Material, Mesh, RealSurface, Scene, VirtualObject},
         time::Timestamp,
     },
     plan::{
@@ -38,15 +39,19 @@ const NOW11_FRAME_MS: f64 = 1000.0 / 70.0;
 /// Section 8 of [Gib03]: 35 pictures a second with 10 shadow passes on a graphics card of 2002.
 const GIB03_FRAME_MS: f64 = 1000.0 / 35.0;
 
-/// A knot and two balls on a table; `segments` sets the number of triangles.
-pub fn scene(segments: u32) -> Scene {
-    let object = |name: &str, mesh, material, at| VirtualObject {
+/// An object that stands at a place, its axes along the world's.
+pub fn object(name: &str, mesh: Mesh, material: Material, at: Vec3) -> VirtualObject {
+    VirtualObject {
         name: name.into(),
         mesh,
         material,
         world_from_object: Affine3A::from_translation(at),
         openness: Vec::new(),
-    };
+    }
+}
+
+/// A knot and two balls on a table; `segments` sets the number of triangles.
+pub fn scene(segments: u32) -> Scene {
     let matt = Material::Lambert { albedo_rgb: [0.7, 0.5, 0.3] };
     let glossy = Material::Phong { albedo_rgb: [0.2, 0.3, 0.6], specular_rgb: [0.3; 3], exponent: 40.0 };
     let ball = |bands| shapes::uv_sphere(0.05, 2 * bands, bands);
@@ -164,11 +169,6 @@ impl Frame {
         let input = self.input(&self.pose);
         engine.relight(&self.plan, &input, out).expect("a sound frame");
     }
-}
-
-fn median(all: &mut [f64]) -> f64 {
-    all.sort_by(f64::total_cmp);
-    all[all.len() / 2]
 }
 
 fn measure(frame: &Frame, engine: &mut dyn Engine) {

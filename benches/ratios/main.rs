@@ -11,6 +11,7 @@ mod nearfield;
 mod opencv;
 mod project_sh;
 mod room;
+mod timing;
 mod trace;
 
 fn main() {

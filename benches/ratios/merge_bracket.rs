@@ -1,5 +1,6 @@
 //! `hdr::merge_bracket` against a plain f32 loop, and its bytes per second against a memory copy.
 
+use crate::timing::time_ms;
 use glam::DVec3;
 use halflight::{
     hdr::{
@@ -15,7 +16,7 @@ use halflight::{
         time::Timestamp,
     },
 };
-use std::{hint::black_box, sync::Arc, time::Instant};
+use std::{hint::black_box, sync::Arc};
 
 /// [DM97] as one would write it down: for each pixel and channel, a loop over the pictures.
 fn merge_naive(pictures: &[&Rgb8Image], times_s: &[f32], response: &Response) -> Vec<[f32; 3]> {
@@ -34,20 +35,6 @@ fn merge_naive(pictures: &[&Rgb8Image], times_s: &[f32], response: &Response) ->
             })
         })
         .collect()
-}
-
-/// Median and best time of a few dozen runs, in milliseconds.
-fn time_ms(runs: usize, mut work: impl FnMut()) -> (f64, f64) {
-    work();
-    let mut all: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    all.sort_by(f64::total_cmp);
-    (all[runs / 2], all[0])
 }
 
 /// A view with every brightness, at the exposure times `times_s`, with a little noise.

@@ -1,5 +1,6 @@
 //! Near light in a known room: how preparing it grows with the patches, and what a frame costs, beside [Gib03]'s figures.
 
+use crate::timing::median;
 use glam::Vec3;
 use halflight::{
     model::room::{Face, Room, RoomSun, RoomSurface},
@@ -55,11 +56,6 @@ pub fn radiance(at: &halflight::nearfield::patches::SurfacePoint) -> Option<[f32
     let window = p.x < -1.99 && (-0.7..0.5).contains(&p.y) && (0.15..1.25).contains(&p.z);
     let level = if window { 8.0 } else { 0.3 / (1.0 + 0.4 * (p.x + 2.0).powi(2)) };
     Some([level, 0.95 * level, 0.85 * level])
-}
-
-fn median(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
 }
 
 /// Two suns that shine in through the wall at x = -2: all of it is their window.

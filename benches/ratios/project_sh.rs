@@ -1,5 +1,6 @@
 //! `light::project_sh` against the loop one would write down, and the time of a whole ball.
 
+use crate::timing::time_ms;
 use glam::DVec3;
 use halflight::{
     light::{
@@ -13,7 +14,7 @@ use halflight::{
         rig::MirrorBall,
     },
 };
-use std::{hint::black_box, time::Instant};
+use std::hint::black_box;
 
 /// Eq. 2 of [Now11] as one would write it down: one running f32 sum for each coefficient.
 fn project_naive(samples: &RadianceSamples, order: usize) -> [[f32; 3]; 36] {
@@ -28,20 +29,6 @@ fn project_naive(samples: &RadianceSamples, order: usize) -> [[f32; 3]; 36] {
         }
     }
     rgb
-}
-
-/// Median time of some runs, in milliseconds.
-fn time_ms(runs: usize, mut work: impl FnMut()) -> f64 {
-    work();
-    let mut all: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    all.sort_by(f64::total_cmp);
-    all[runs / 2]
 }
 
 fn samples(count: usize) -> RadianceSamples {
@@ -82,10 +69,10 @@ pub fn run() {
         let samples = samples(count);
         for order in [4, 6] {
             let runs = if count > 50_000 { 21 } else { 201 };
-            let naive = time_ms(runs, || {
+            let (naive, _) = time_ms(runs, || {
                 black_box(project_naive(black_box(&samples), order));
             });
-            let fast = time_ms(runs, || {
+            let (fast, _) = time_ms(runs, || {
                 black_box(project_sh(black_box(&samples), order));
             });
             println!(
@@ -114,7 +101,7 @@ pub fn run() {
             ball: &ball,
             on_surface: true,
         };
-        let ms = time_ms(31, || {
+        let (ms, _) = time_ms(31, || {
             flags = unwrapper.unwrap(&shot, &mut out).ok();
         });
         println!(

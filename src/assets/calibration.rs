@@ -91,7 +91,7 @@ pub fn parse(bytes: &[u8], name: Option<&str>, path: &Path) -> Result<Lens, Asse
     let documents = YamlLoader::load_from_str(text)
         .map_err(|error| AssetError::new(path, "YAML").cause(error.to_string()))?;
     let cameras = documents.first().map(cameras_of).unwrap_or_default();
-    let named = |camera: &&Camera<'_>| {
+    let named = |camera: &&CameraEntry<'_>| {
         name.is_none_or(|name| camera.key == name || camera.section.is_some_and(|s| s == name))
     };
     let Some(camera) = cameras.iter().find(named) else {
@@ -135,7 +135,7 @@ fn check_shape(text: &str, path: &Path) -> Result<(), AssetError> {
 }
 
 /// One camera of a file.
-struct Camera<'a> {
+struct CameraEntry<'a> {
     /// The mapping that holds it.
     holder: &'a Yaml,
     /// The key that holds that mapping, where it is not the top.
@@ -146,12 +146,12 @@ struct Camera<'a> {
 }
 
 /// All cameras, in the order of the file at the top, then one level down.
-fn cameras_of(document: &Yaml) -> Vec<Camera<'_>> {
+fn cameras_of(document: &Yaml) -> Vec<CameraEntry<'_>> {
     let mut cameras = Vec::new();
     let mut add = |holder, section| {
         for (key, distortion_keys) in PAIRS {
             if get(holder, key).is_some() {
-                cameras.push(Camera { holder, section, key, distortion_keys });
+                cameras.push(CameraEntry { holder, section, key, distortion_keys });
             }
         }
     };
@@ -195,7 +195,7 @@ fn number(value: &Yaml) -> Option<f64> {
     .filter(|x| x.is_finite())
 }
 
-impl Camera<'_> {
+impl CameraEntry<'_> {
     /// The key as a path, for messages.
     fn path_of(&self, key: &str) -> String {
         self.section.map_or_else(|| key.to_owned(), |section| format!("{section}.{key}"))

@@ -8,41 +8,27 @@ use crate::model::{
     image::RadianceImage,
     light::{EnvironmentMap, MapLayout},
 };
+use ddsfile::{Caps2, D3D10ResourceDimension, DxgiFormat, FourCC, Header, Header10, MiscFlag};
 use half::f16;
 use std::path::{Path, PathBuf};
 
 /// Bytes before the texels; a DX10 header adds [`DX10_BYTES`].
 const HEADER_BYTES: usize = 128;
 const DX10_BYTES: usize = 20;
-/// Bits of caps2: a cube map, with all of its faces.
-const CAPS2_CUBE: u32 = 0x200;
-const CAPS2_FACES: u32 = 0xfc00;
-/// Pixel format has a FourCC.
-const FORMAT_FOUR_CC: u32 = 0x4;
-/// FourCC codes of RGBA in half and single floats, and of the extended header.
-const FOUR_CC_HALF: u32 = 113;
-const FOUR_CC_SINGLE: u32 = 116;
-const FOUR_CC_DX10: u32 = u32::from_le_bytes(*b"DX10");
-/// DXGI formats of RGBA in half and single floats.
-const DXGI_HALF: u32 = 10;
-const DXGI_SINGLE: u32 = 2;
-/// DX10: a two-dimensional texture, and the cube bit of its misc flags.
-const DX10_TEXTURE_2D: u32 = 3;
-const DX10_CUBE: u32 = 0x4;
 /// Longest side of a face: six of them make one picture.
 const MAX_FACE: usize = MAX_SIDE / 6;
 
 /// Names of the faces in the order in which they are stored.
 pub const FACES: [&str; 6] = ["+x", "-x", "+y", "-y", "+z", "-z"];
 
-/// How one colour channel is stored.
+/// How a colour of a texel is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Channel {
+enum TexelFloat {
     Half,
     Single,
 }
 
-impl Channel {
+impl TexelFloat {
     /// Bytes of an RGBA texel.
     fn texel_bytes(self) -> usize {
         match self {
@@ -82,9 +68,6 @@ pub fn decode_cube(file: &Path, bytes: &[u8]) -> Result<EnvironmentMap, AssetErr
     let wrong = |what: &str, value: &dyn std::fmt::Display, allowed: &str| {
         Err(AssetError::new(file, what).value(value).allowed(allowed))
     };
-    let word = |offset: usize| {
-        bytes.get(offset..offset + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-    };
     if !bytes.starts_with(b"DDS ") {
         let first: Vec<String> = bytes.iter().take(4).map(|b| format!("{b:02x}")).collect();
         return wrong("first bytes", &first.join(" "), "44 44 53 20 (a DDS file)");
@@ -92,37 +75,37 @@ pub fn decode_cube(file: &Path, bytes: &[u8]) -> Result<EnvironmentMap, AssetErr
     if bytes.len() < HEADER_BYTES {
         return wrong("length in bytes", &bytes.len(), "at least 128, the header of a DDS file");
     }
-    if word(4) != 124 || word(76) != 32 {
-        return wrong("header sizes", &format!("{} and {}", word(4), word(76)), "124 and 32");
-    }
-    let (channel, texels_at) = match (word(80) & FORMAT_FOUR_CC != 0, word(84)) {
-        (true, FOUR_CC_HALF) => (Channel::Half, HEADER_BYTES),
-        (true, FOUR_CC_SINGLE) => (Channel::Single, HEADER_BYTES),
-        (true, FOUR_CC_DX10) => (dx10_channel(file, bytes, word)?, HEADER_BYTES + DX10_BYTES),
-        (has_code, code) => {
-            let name = if has_code { four_cc_name(code) } else { "none".to_owned() };
+    let Ok(header) = Header::read(&bytes[4..]) else {
+        return wrong("header sizes", &format!("{} and {}", word(bytes, 4), word(bytes, 76)), "124 and 32");
+    };
+    let (texel, texels_at) = match header.spf.fourcc.as_ref().map(|code| code.0) {
+        Some(FourCC::R16G16B16A16_FLOAT) => (TexelFloat::Half, HEADER_BYTES),
+        Some(FourCC::R32G32B32A32_FLOAT) => (TexelFloat::Single, HEADER_BYTES),
+        Some(FourCC::DX10) => (dx10_texel(file, bytes)?, HEADER_BYTES + DX10_BYTES),
+        code => {
+            let name = code.map_or_else(|| "none".to_owned(), four_cc_name);
             return wrong("FourCC", &name, "113 (RGBA half floats), 116 (RGBA floats) or DX10");
         }
     };
     let is_dx10 = texels_at != HEADER_BYTES;
-    let caps2 = word(112);
     // With a DX10 header its own flag counts, and some writers leave caps2 empty.
-    if (caps2 & CAPS2_CUBE == 0 || caps2 & CAPS2_FACES != CAPS2_FACES) && !is_dx10 {
-        return wrong("caps2", &format!("{caps2:#x}"), "a cube map with all six faces (0xfe00)");
+    if !header.caps2.contains(Caps2::CUBEMAP | Caps2::CUBEMAP_ALLFACES) && !is_dx10 {
+        let caps2 = format!("{:#x}", word(bytes, 112));
+        return wrong("caps2", &caps2, "a cube map with all six faces (0xfe00)");
     }
-    let (height, width) = (word(12) as usize, word(16) as usize);
+    let (height, width) = (header.height as usize, header.width as usize);
     if width != height || !(1..=MAX_FACE).contains(&width) {
         let allowed = format!("square, 1 to {MAX_FACE} texels a side");
         return wrong("face size", &format!("{width} x {height}"), &allowed);
     }
-    // Writers put 0 or 1 where there is only the largest level.
-    let levels = word(28).max(1);
+    // Writers put 0 or 1 where there is only the largest level, and some forget the flag of those that have more.
+    let levels = word(bytes, 28).max(1);
     if levels > width.ilog2() + 1 {
         let allowed = format!("at most {} for faces of {width} texels", width.ilog2() + 1);
         return wrong("mip levels", &levels, &allowed);
     }
     let face_texels: usize = (0..levels).map(|level| (width >> level).max(1).pow(2)).sum();
-    let face_bytes = face_texels * channel.texel_bytes();
+    let face_bytes = face_texels * texel.texel_bytes();
     let expected = texels_at + 6 * face_bytes;
     if bytes.len() != expected {
         let allowed = format!("{expected} (6 faces of {width} x {width}, {levels} mip levels)");
@@ -130,32 +113,49 @@ pub fn decode_cube(file: &Path, bytes: &[u8]) -> Result<EnvironmentMap, AssetErr
     }
     let mut pixels = Vec::with_capacity(6 * width * width);
     for face in bytes[texels_at..].chunks_exact(face_bytes) {
-        let largest = &face[..width * width * channel.texel_bytes()];
-        pixels.extend(largest.chunks_exact(channel.texel_bytes()).map(|texel| channel.texel(texel)));
+        let largest = &face[..width * width * texel.texel_bytes()];
+        pixels.extend(largest.chunks_exact(texel.texel_bytes()).map(|bytes| texel.texel(bytes)));
     }
     stacked(file, width, pixels)
 }
 
-fn dx10_channel(file: &Path, bytes: &[u8], word: impl Fn(usize) -> u32) -> Result<Channel, AssetError> {
+/// A number of the header as it stands there; 0 beyond the end.
+fn word(bytes: &[u8], offset: usize) -> u32 {
+    bytes.get(offset..offset + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+}
+
+/// What the DX10 header says, which stands behind the header.
+fn dx10_texel(file: &Path, bytes: &[u8]) -> Result<TexelFloat, AssetError> {
     let wrong = |what: &str, value: u32, allowed: &str| {
         Err(AssetError::new(file, what).value(value).allowed(allowed))
     };
-    if bytes.len() < HEADER_BYTES + DX10_BYTES {
+    let formats = "10 (R16G16B16A16_FLOAT) or 2 (R32G32B32A32_FLOAT)";
+    let Some(header) = bytes.get(HEADER_BYTES..HEADER_BYTES + DX10_BYTES) else {
         return wrong("length in bytes", bytes.len() as u32, "at least 148, the header of a DX10 DDS file");
+    };
+    let number = |at: usize| word(header, at);
+    let Ok(dx10) = Header10::read(header) else {
+        // It refuses formats, dimensions and kinds of alpha that it does not know.
+        return match (number(4), number(16)) {
+            (3, alpha @ 5..) => wrong("DX10 misc flag 2", alpha, "0 to 4 (the kind of alpha)"),
+            (3, _) => wrong("DXGI format", number(0), formats),
+            (dimension, _) => wrong("DX10 resource dimension", dimension, "3 (a two-dimensional texture)"),
+        };
+    };
+    if dx10.resource_dimension != D3D10ResourceDimension::Texture2D {
+        return wrong("DX10 resource dimension", number(4), "3 (a two-dimensional texture)");
     }
-    if word(132) != DX10_TEXTURE_2D {
-        return wrong("DX10 resource dimension", word(132), "3 (a two-dimensional texture)");
+    if !dx10.misc_flag.contains(MiscFlag::TEXTURECUBE) {
+        return wrong("DX10 misc flag", number(8), "4 (a cube map)");
     }
-    if word(136) & DX10_CUBE == 0 {
-        return wrong("DX10 misc flag", word(136), "4 (a cube map)");
+    // The number of cubes. Some writers put the number of faces; then there must be as much data as one cube has.
+    if ![1, 6].contains(&dx10.array_size) {
+        return wrong("DX10 array size", dx10.array_size, "1 (one cube map), or 6 (its faces)");
     }
-    if word(140) != 1 {
-        return wrong("DX10 array size", word(140), "1 (one cube map)");
-    }
-    match word(128) {
-        DXGI_HALF => Ok(Channel::Half),
-        DXGI_SINGLE => Ok(Channel::Single),
-        other => wrong("DXGI format", other, "10 (R16G16B16A16_FLOAT) or 2 (R32G32B32A32_FLOAT)"),
+    match dx10.dxgi_format {
+        DxgiFormat::R16G16B16A16_Float => Ok(TexelFloat::Half),
+        DxgiFormat::R32G32B32A32_Float => Ok(TexelFloat::Single),
+        _ => wrong("DXGI format", number(0), formats),
     }
 }
 
@@ -211,7 +211,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// A sound file whose texel k of face f has red 10 f + k, with as many mip levels as asked for.
-    fn file_of(width: usize, levels: u32, channel: Channel, dx10: bool) -> Vec<u8> {
+    fn file_of(width: usize, levels: u32, channel: TexelFloat, dx10: bool) -> Vec<u8> {
         let mut bytes = vec![0u8; HEADER_BYTES];
         bytes[..4].copy_from_slice(b"DDS ");
         let mut put =
@@ -222,17 +222,17 @@ mod tests {
         put(16, width as u32);
         put(28, levels);
         put(76, 32);
-        put(80, FORMAT_FOUR_CC);
-        put(112, CAPS2_CUBE | CAPS2_FACES);
+        put(80, 0x4);
+        put(112, 0xfe00);
         let code = match (dx10, channel) {
-            (true, _) => FOUR_CC_DX10,
-            (false, Channel::Half) => FOUR_CC_HALF,
-            (false, Channel::Single) => FOUR_CC_SINGLE,
+            (true, _) => u32::from_le_bytes(*b"DX10"),
+            (false, TexelFloat::Half) => 113,
+            (false, TexelFloat::Single) => 116,
         };
         put(84, code);
         if dx10 {
-            let format = if channel == Channel::Half { DXGI_HALF } else { DXGI_SINGLE };
-            for value in [format, DX10_TEXTURE_2D, DX10_CUBE, 1, 0] {
+            let format = if channel == TexelFloat::Half { 10 } else { 2 };
+            for value in [format, 3u32, 4, 1, 0] {
                 bytes.extend_from_slice(&value.to_le_bytes());
             }
         }
@@ -242,8 +242,8 @@ mod tests {
                     let red = if level == 0 { (10 * face + k) as f32 } else { -1.0 };
                     for value in [red, 0.5, -2.0, 1.0] {
                         match channel {
-                            Channel::Half => bytes.extend_from_slice(&f16::from_f32(value).to_le_bytes()),
-                            Channel::Single => bytes.extend_from_slice(&value.to_le_bytes()),
+                            TexelFloat::Half => bytes.extend_from_slice(&f16::from_f32(value).to_le_bytes()),
+                            TexelFloat::Single => bytes.extend_from_slice(&value.to_le_bytes()),
                         }
                     }
                 }
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn all_kinds_load_the_largest_level() {
-        for channel in [Channel::Half, Channel::Single] {
+        for channel in [TexelFloat::Half, TexelFloat::Single] {
             for dx10 in [false, true] {
                 for levels in [0, 1, 2] {
                     let map = decode(&file_of(2, levels, channel, dx10)).unwrap();
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn lies_of_the_header_are_named() {
         let said = |offset: usize, value: u32, want: &str| {
-            let mut bytes = file_of(4, 1, Channel::Half, false);
+            let mut bytes = file_of(4, 1, TexelFloat::Half, false);
             bytes[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
             let error = decode(&bytes).unwrap_err();
             assert!(error.starts_with("sky.dds: ") && error.contains(want), "{error}");
@@ -292,22 +292,39 @@ mod tests {
         said(12, 8, "face size = 4 x 8: must be square");
         said(28, 9, "mip levels = 9: must be at most 3");
         said(28, 2, "length in bytes = 896: must be");
-        let mut huge = file_of(4, 1, Channel::Half, false);
+        let mut huge = file_of(4, 1, TexelFloat::Half, false);
         for offset in [12, 16] {
             huge[offset..offset + 4].copy_from_slice(&u32::MAX.to_le_bytes());
         }
         assert!(decode(&huge).unwrap_err().contains("face size = 4294967295 x 4294967295"));
         for (offset, value, want) in [
             (128, 28, "DXGI format = 28"),
+            (128, 999, "DXGI format = 999"),
             (132, 4, "dimension = 4"),
+            (132, 9, "dimension = 9"),
             (136, 0, "misc flag"),
-            (140, 2, "array size"),
+            (140, 2, "array size = 2: must be 1 (one cube map), or 6"),
+            (144, 7, "misc flag 2 = 7"),
         ] {
-            let mut bytes = file_of(4, 1, Channel::Single, true);
+            let mut bytes = file_of(4, 1, TexelFloat::Single, true);
             bytes[offset..offset + 4].copy_from_slice(&u32::to_le_bytes(value));
             let error = decode(&bytes).unwrap_err();
             assert!(error.contains(want), "{error}");
         }
+    }
+
+    /// As some writers count: faces in place of cubes. Six cubes are longer than what is read, and refused.
+    #[test]
+    fn an_array_of_six_with_the_data_of_one_cube_is_that_cube() {
+        let one = file_of(4, 1, TexelFloat::Half, true);
+        let mut six = one.clone();
+        six[140] = 6;
+        assert_eq!(decode(&six).unwrap(), decode(&one).unwrap());
+        let texels_at = HEADER_BYTES + DX10_BYTES;
+        for _ in 0..5 {
+            six.extend_from_slice(&one[texels_at..]);
+        }
+        assert!(decode(&six).unwrap_err().contains("length in bytes = 4756"));
     }
 
     #[test]
@@ -336,7 +353,7 @@ mod tests {
     proptest! {
         #[test]
         fn cut_files_are_refused(keep in 0usize..500, dx10: bool) {
-            let bytes = file_of(2, 2, Channel::Half, dx10);
+            let bytes = file_of(2, 2, TexelFloat::Half, dx10);
             prop_assume!(keep < bytes.len());
             prop_assert!(decode(&bytes[..keep]).is_err());
         }
@@ -347,7 +364,7 @@ mod tests {
             dx10: bool,
         ) {
             // What is taken must still agree with the length, so memory is bounded by it.
-            let mut bytes = file_of(4, 3, Channel::Single, dx10);
+            let mut bytes = file_of(4, 3, TexelFloat::Single, dx10);
             for (offset, value) in changes {
                 bytes[offset] = value;
             }

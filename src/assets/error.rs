@@ -6,15 +6,35 @@ use std::{
     path::Path,
 };
 
+/// A place in a text file, counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TextPosition {
+    /// Lines before it, and one.
+    pub line: u32,
+    /// The character in it.
+    pub column: u32,
+}
+
+impl TextPosition {
+    /// Of a byte of a text; one beyond its end or within a character counts as the character before.
+    pub fn of(text: &str, byte: usize) -> Self {
+        let before = &text[..text.floor_char_boundary(byte)];
+        let line = before.rsplit_once('\n').map_or(before, |(_, line)| line);
+        Self { line: before.matches('\n').count() as u32 + 1, column: line.chars().count() as u32 + 1 }
+    }
+}
+
 /// A file could not be read or written, or says something that is not allowed.
 ///
-/// Printed as `FILE: WHAT = VALUE: must be ALLOWED (CAUSE)`, leaving out what is unknown. The cause is part of
+/// Printed as `FILE:LINE:COLUMN: WHAT = VALUE: must be ALLOWED (CAUSE)`, leaving out what is unknown. The cause is part of
 /// that one line and is therefore not given again by `Error::source`. Where several things are wrong with one
 /// file, `others` holds the rest, each printed on a line of its own.
 #[derive(Debug)]
 pub struct AssetError {
     /// The file, as it was named to us.
     pub file: Box<Path>,
+    /// Where in the file, where that is known.
+    pub position: Option<TextPosition>,
     /// The key, or what was tried: `camera.fx`, `header`, `decode PNG`.
     pub what: Box<str>,
     /// The value found, where there is one.
@@ -32,12 +52,20 @@ impl AssetError {
     pub fn new(file: &Path, what: impl Into<Box<str>>) -> Self {
         Self {
             file: file.into(),
+            position: None,
             what: what.into(),
             value: None,
             allowed: None,
             cause: None,
             others: Vec::new(),
         }
+    }
+
+    /// Adds the place in the file.
+    #[must_use]
+    pub fn at(mut self, position: TextPosition) -> Self {
+        self.position = Some(position);
+        self
     }
 
     /// Adds the value that was found.
@@ -79,7 +107,11 @@ impl AssetError {
 
 impl Display for AssetError {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.file.display(), self.what)?;
+        write!(f, "{}", self.file.display())?;
+        if let Some(TextPosition { line, column }) = self.position {
+            write!(f, ":{line}:{column}")?;
+        }
+        write!(f, ": {}", self.what)?;
         if let Some(value) = &self.value {
             write!(f, " = {value}")?;
         }
@@ -129,11 +161,26 @@ mod tests {
     fn a_message_names_file_key_value_and_what_is_allowed() {
         let e = AssetError::new(Path::new("a.toml"), "camera.fx").value(-3.0).allowed("positive");
         assert_eq!(e.to_string(), "a.toml: camera.fx = -3: must be positive");
+        let e = e.at(TextPosition { line: 3, column: 6 });
+        assert_eq!(e.to_string(), "a.toml:3:6: camera.fx = -3: must be positive");
         let f = AssetError::new(Path::new("a.toml"), "cannot be read").cause("gone");
         assert_eq!(f.to_string(), "a.toml: cannot be read (gone)");
         let both = AssetError::together([e, f]).unwrap();
         assert_eq!(both.to_string().lines().count(), 2);
         assert!(AssetError::together([]).is_none());
+    }
+
+    #[test]
+    fn places_are_counted_in_lines_and_characters() {
+        let text = "a = 1\r\nü = 2\nend";
+        let place = |byte| {
+            let TextPosition { line, column } = TextPosition::of(text, byte);
+            (line, column)
+        };
+        assert_eq!((place(0), place(4), place(7)), ((1, 1), (1, 5), (2, 1)));
+        // The umlaut has two bytes.
+        assert_eq!((place(8), place(9), place(12), place(14)), ((2, 1), (2, 2), (2, 5), (3, 1)));
+        assert_eq!((place(17), place(99)), ((3, 4), (3, 4)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{
     error::AssetError,
-    kept_room, mapped_probe,
+    kept::Cache,
     pictures::{self, LoadedRadiance},
     room::{LoadedRoom, load_room},
     scene::{RoomLightSource, RoomSource},
@@ -15,15 +15,15 @@ use crate::{
     },
     nearfield::{
         error::RoomError,
-        prepare::{CameraPicture, KnownRoom, LitRoom, RoomLight, subdivision},
+        prepare::{CameraPicture, KnownRoom, RoomLight, prepare_kept},
         probe::Probe,
         soundness::Soundness,
     },
 };
 use std::path::Path;
 
-/// Share of the progress that mapping a probe takes.
-const PROBE_SHARE: f32 = 0.5;
+/// Share of the probe's light lost from which on it is said.
+const MUCH_LOST: f32 = 0.02;
 
 /// How files become radiance and rooms. A program that reads more formats puts its own functions here.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +42,7 @@ impl Default for Readers {
 
 /// A room made ready, and what is wrong with its file.
 pub struct ReadyRoom {
-    /// The room.
+    /// Patches, transfers, hierarchies, light.
     pub known: KnownRoom,
     /// What was looked at in its geometry.
     pub soundness: Soundness,
@@ -84,8 +84,8 @@ pub fn make_ready(
     make_ready_with(source, camera, None, Readers::default(), progress)
 }
 
-/// `make_ready`, with a folder in which what takes long is kept from run to run under a hash of all that goes in: a probe that
-/// was mapped onto its room (`mapped_probe`), what sources send, and the light everywhere (`kept_room`).
+/// `make_ready`, with a folder in which what takes long is kept from run to run: a probe that was mapped onto its room, what
+/// sources send, and the light everywhere.
 ///
 /// # Errors
 /// As `make_ready`.
@@ -97,67 +97,52 @@ pub fn make_ready_with(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<ReadyRoom, AssetError> {
     let LoadedRoom { room, soundness, mut notes } = (readers.room)(&source.file)?;
-    let refused = |error: RoomError| {
-        let file = match (&error, &source.light) {
-            (RoomError::ProbePicture { .. }, RoomLightSource::Probe { file, .. }) => file,
-            _ => &source.file,
-        };
-        AssetError::new(file, "known room").cause(error)
+    let map = probe_picture(&source.light, readers)?;
+    let light = match (&source.light, &map) {
+        (
+            RoomLightSource::Probe { layout, y_up, rotation_deg, position_world, factor_sun, .. },
+            Some(map),
+        ) => RoomLight::Probe(Probe {
+            map,
+            world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
+            position_world: *position_world,
+            factor_sun: *factor_sun,
+        }),
+        _ => RoomLight::Given,
     };
-    let mapped;
-    let (light, share) = match &source.light {
-        RoomLightSource::Given => (RoomLight::Given, 0.0),
-        RoomLightSource::Probe { file, layout, y_up, rotation_deg, position_world, factor_sun, rows } => {
-            let radiance = reduced((readers.radiance)(file)?.hdr.radiance, *layout, *rows);
-            let map = EnvironmentMap { layout: *layout, radiance };
-            let probe = Probe {
-                map: &map,
-                world_from_map: MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians()),
-                position_world: *position_world,
-                factor_sun: *factor_sun,
-            };
-            let how = subdivision(&room, &source.settings).map_err(refused)?;
-            let begun = |share: f32| progress(PROBE_SHARE * share);
-            mapped = mapped_probe::of_room(&room, &how, &probe, cache, &begun).map_err(refused)?;
-            (RoomLight::Mapped(&mapped), PROBE_SHARE)
-        }
-    };
-    let rest = |done: f32| progress(share + (1.0 - share) * done);
-    let lit = LitRoom::new(room, &source.settings, light, &|_| ()).map_err(refused)?;
-    let (known, from_cache) =
-        kept_room::ready(lit, &source.settings, camera, cache, &rest).map_err(refused)?;
-    if let Some(probe) = &known.report.probe
-        && probe.backs + probe.nothing > 0.02
-    {
-        notes.push(format!(
-            "the probe sees {:.1} % of all directions on backs of faces and {:.1} % beyond the room: that light is lost",
-            100.0 * probe.backs,
-            100.0 * probe.nothing
-        ));
-    }
+    let keeper = Cache::new(cache);
+    let known = prepare_kept(room, &source.settings, light, camera, &keeper, progress)
+        .map_err(|error| refused(source, error))?;
+    notes.extend(lost_light(&known));
+    let from_cache = cache.is_some() && keeper.computed() == 0;
     Ok(ReadyRoom { known, soundness, notes, from_cache })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_reduced_probe_keeps_its_mean_and_its_faces() {
-        let pixels = (0..24 * 12).map(|i| [i as f32, 1.0, 0.0]).collect();
-        let picture = RadianceImage::from_pixels(24, 12, pixels).unwrap();
-        let size = |layout, rows| {
-            let small = reduced(picture.clone(), layout, rows);
-            let mean =
-                small.pixels().iter().map(|p| f64::from(p[0])).sum::<f64>() / small.pixels().len() as f64;
-            assert!((mean - 143.5).abs() < 1e-3, "{mean}");
-            (small.width(), small.height())
-        };
-        assert_eq!(size(MapLayout::Equirect, None), (24, 12));
-        assert_eq!(size(MapLayout::Equirect, Some(100)), (24, 12));
-        assert_eq!(size(MapLayout::Equirect, Some(3)), (6, 3));
-        // 12 / 5 = 2 texels a side; faces of a cube are 2 rows high and cannot be reduced further.
-        assert_eq!(size(MapLayout::Equirect, Some(5)), (12, 6));
-        assert_eq!(size(MapLayout::Cube, Some(1)), (12, 6));
-    }
+/// The picture that a room's probe took; `None` where its light is given.
+fn probe_picture(light: &RoomLightSource, readers: Readers) -> Result<Option<EnvironmentMap>, AssetError> {
+    let RoomLightSource::Probe { file, layout, rows, .. } = light else { return Ok(None) };
+    let radiance = reduced((readers.radiance)(file)?.hdr.radiance, *layout, *rows);
+    Ok(Some(EnvironmentMap { layout: *layout, radiance }))
 }
+
+/// Names the file that is to blame.
+fn refused(source: &RoomSource, error: RoomError) -> AssetError {
+    let file = match (&error, &source.light) {
+        (RoomError::ProbePicture { .. }, RoomLightSource::Probe { file, .. }) => file,
+        _ => &source.file,
+    };
+    AssetError::new(file, "known room").cause(error)
+}
+
+/// What is said where much of the probe's light met no front of a face.
+fn lost_light(known: &KnownRoom) -> Option<String> {
+    let probe = known.report.probe.as_ref().filter(|probe| probe.backs + probe.nothing > MUCH_LOST)?;
+    Some(format!(
+        "the probe sees {:.1} % of all directions on backs of faces and {:.1} % beyond the room: that light is lost",
+        100.0 * probe.backs,
+        100.0 * probe.nothing
+    ))
+}
+
+#[cfg(test)]
+mod tests;

@@ -42,7 +42,7 @@ const LEAST_TURN: f64 = 1e-3;
 /// A room, and what is wrong with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedRoom {
-    /// The room.
+    /// Surfaces in the order of the file.
     pub room: Room,
     /// What was looked at.
     pub soundness: Soundness,

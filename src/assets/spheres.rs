@@ -1,16 +1,38 @@
 //! Spheres of figures: fitted, bound to nodes, kept in a folder from run to run, and as JSON.
 
-use super::error::AssetError;
+use super::kept::Cache;
 use crate::animate::bind::bind;
 use crate::model::{
     animation::{BoundSphere, Figure},
+    keep::{Keeper, KeptInput},
     scene::{Scene, VirtualObject},
 };
 use crate::visibility::fit_spheres::{self, FittedSphere, SphereFit};
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
+use serde::Serialize;
+use std::{convert::Infallible, path::Path};
+
+/// What spheres are fitted to.
+struct FitInput<'a> {
+    positions: &'a [Vec3],
+    triangles: &'a [[u32; 3]],
+    count: usize,
+}
+
+impl KeptInput for FitInput<'_> {
+    const KIND: &'static str = "spheres";
+    const VERSION: u32 = fit_spheres::VERSION;
+    type Output = Option<SphereFit>;
+
+    fn hashed(&self) -> impl Serialize {
+        (self.positions, self.triangles, self.count)
+    }
+
+    fn accepts(&self, fit: &Option<SphereFit>) -> bool {
+        let is_sound = |s: &FittedSphere| s.centre.is_finite() && s.radius.is_finite() && s.radius > 0.0;
+        fit.as_ref().is_none_or(|fit| fit.spheres.iter().all(is_sound))
+    }
+}
 
 /// A figure's mesh at rest in its own frame: positions and triangles of all its parts.
 pub fn geometry(figure: &Figure, objects: &[VirtualObject]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -24,8 +46,7 @@ pub fn geometry(figure: &Figure, objects: &[VirtualObject]) -> (Vec<Vec3>, Vec<[
 }
 
 /// Fits `count` spheres to a figure at rest, in its own frame, or takes them from the folder `cache` where an earlier
-/// run left them for the same geometry. A file there that is damaged, or speaks of something else, is not used and
-/// written anew; where nothing can be written, that is logged and nothing else.
+/// run left them for the same geometry (`kept`).
 ///
 /// `progress` is told the share done, 0 to 1. `None` where no triangle has an area.
 pub fn fit(
@@ -36,19 +57,11 @@ pub fn fit(
     progress: &mut dyn FnMut(f32),
 ) -> Option<SphereFit> {
     let (positions, triangles) = geometry(figure, objects);
-    let key = key(&positions, &triangles, count);
-    let file = cache.map(|folder| cache_file(folder, &key));
-    if let Some(known) = file.as_deref().and_then(|file| read(file, &key)) {
-        progress(1.0);
-        return Some(known);
-    }
-    let fit = fit_spheres::fit(&positions, &triangles, count, progress)?;
-    if let Some(file) = file
-        && let Err(error) = write(&file, &key, &fit)
-    {
-        tracing::warn!("spheres are not kept: {error}");
-    }
-    Some(fit)
+    let input = FitInput { positions: &positions, triangles: &triangles, count };
+    let Ok(fit) = Cache::new(cache)
+        .keep(&input, || Ok::<_, Infallible>(fit_spheres::fit(&positions, &triangles, count, progress)));
+    progress(1.0);
+    fit
 }
 
 /// Spheres in a figure's own frame, bound to its nodes.
@@ -69,91 +82,6 @@ pub fn fit_scene(scene: &mut Scene, cache: Option<&Path>, progress: &mut dyn FnM
         }
     }
     progress(1.0);
-}
-
-/// SHA-256 of the algorithm's version, the count and the geometry, in hexadecimal.
-fn key(positions: &[Vec3], triangles: &[[u32; 3]], count: usize) -> String {
-    let mut hash = Sha256::new();
-    hash.update(fit_spheres::VERSION.to_le_bytes());
-    for size in [count, positions.len(), triangles.len()] {
-        hash.update((size as u64).to_le_bytes());
-    }
-    positions.iter().flat_map(|p| p.to_array()).for_each(|x| hash.update(x.to_le_bytes()));
-    triangles.as_flattened().iter().for_each(|i| hash.update(i.to_le_bytes()));
-    hex(hash)
-}
-
-fn hex(hash: Sha256) -> String {
-    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
-}
-
-/// Where a folder keeps what belongs to a key.
-fn cache_file(folder: &Path, key: &str) -> PathBuf {
-    folder.join("spheres").join(format!("{key}.json"))
-}
-
-/// As kept in the folder. Numbers are written so that they read back as the same bits.
-#[derive(Serialize, Deserialize)]
-struct Kept {
-    key: String,
-    fit: KeptFit,
-    /// SHA-256 of the key and of `fit` as JSON.
-    checksum: String,
-}
-
-#[derive(Serialize, Deserialize)]
-struct KeptFit {
-    /// x, y, z, radius.
-    spheres: Vec<[f32; 4]>,
-    outside_share: f32,
-    uncovered_share: f32,
-    volume: f64,
-}
-
-fn checksum(key: &str, fit: &KeptFit) -> Option<String> {
-    let mut hash = Sha256::new();
-    hash.update(key.as_bytes());
-    hash.update(serde_json::to_vec(fit).ok()?);
-    Some(hex(hash))
-}
-
-/// What is kept for a key; `None` where nothing is, or not whole.
-fn read(file: &Path, key: &str) -> Option<SphereFit> {
-    let kept: Kept = serde_json::from_slice(&super::error::read_file(file).ok()?).ok()?;
-    let fit = kept.fit;
-    let sound = kept.key == key
-        && checksum(key, &fit)? == kept.checksum
-        && fit.spheres.iter().all(|s| s.iter().all(|x| x.is_finite()) && s[3] > 0.0);
-    sound.then(|| SphereFit {
-        spheres: fit
-            .spheres
-            .iter()
-            .map(|&[x, y, z, radius]| FittedSphere { centre: Vec3::new(x, y, z), radius })
-            .collect(),
-        outside_share: fit.outside_share,
-        uncovered_share: fit.uncovered_share,
-        volume: fit.volume,
-    })
-}
-
-fn write(file: &Path, key: &str, fit: &SphereFit) -> Result<(), AssetError> {
-    let failed = |e: std::io::Error| AssetError::new(file, "cannot be written").cause(e);
-    let fit = KeptFit {
-        spheres: fit.spheres.iter().map(|s| s.centre.extend(s.radius).to_array()).collect(),
-        outside_share: fit.outside_share,
-        uncovered_share: fit.uncovered_share,
-        volume: fit.volume,
-    };
-    let Some(checksum) = checksum(key, &fit) else { return Ok(()) };
-    let text = serde_json::to_vec(&Kept { key: key.to_owned(), fit, checksum })
-        .map_err(|e| AssetError::new(file, "spheres as JSON").cause(e))?;
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    // A reader never sees half a file: written beside it, then moved.
-    let beside = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&beside, text).map_err(failed)?;
-    std::fs::rename(&beside, file).map_err(failed)
 }
 
 /// Spheres of a figure for other programs: for each its node's index and name, centre and radius in that node's frame,

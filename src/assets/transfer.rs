@@ -1,22 +1,67 @@
 //! Precomputed transfer of a scene, kept in a folder from run to run.
 
-use super::error::AssetError;
+use super::kept::Cache;
 use crate::animate::posed::Posed;
 use crate::model::{
+    keep::{Keeper, KeptInput},
     scene::{Material, Scene},
     transfer::{ObjectTransfer, SceneTransfer},
 };
 use crate::visibility::transfer::{self, Standing};
 use half::f16;
-use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
+use serde::{Deserialize, Serialize};
+use std::{convert::Infallible, path::Path};
 
-/// Bytes of a SHA-256.
-const HASH: usize = 32;
+/// What transfer is baked of.
+struct BakeInput<'a> {
+    standing: &'a [Standing<'a>],
+    order: usize,
+    rays: u32,
+}
+
+/// Of one object, as bits of 16-bit floats.
+#[derive(Serialize, Deserialize)]
+struct BakedObject {
+    rows: Vec<u16>,
+    blocked: Vec<u16>,
+}
+
+impl KeptInput for BakeInput<'_> {
+    const KIND: &'static str = "transfer";
+    const VERSION: u32 = transfer::VERSION;
+    type Output = Vec<BakedObject>;
+
+    fn hashed(&self) -> impl Serialize {
+        let meshes = self.standing.iter();
+        let meshes = meshes.map(|m| (m.positions_world, m.normals_world, m.triangles, m.is_glossy));
+        (self.order, self.rays, meshes.collect::<Vec<_>>())
+    }
+
+    fn accepts(&self, baked: &Vec<BakedObject>) -> bool {
+        let fits = |(mesh, baked): (&Standing<'_>, &BakedObject)| {
+            let rows = mesh.positions_world.len() * self.order * self.order;
+            baked.rows.len() == rows && baked.blocked.len() == if mesh.is_glossy { rows } else { 0 }
+        };
+        baked.len() == self.standing.len() && self.standing.iter().zip(baked).all(fits)
+    }
+}
+
+impl From<ObjectTransfer> for BakedObject {
+    fn from(of: ObjectTransfer) -> Self {
+        let bits = |list: Vec<f16>| list.into_iter().map(f16::to_bits).collect();
+        Self { rows: bits(of.rows), blocked: bits(of.blocked) }
+    }
+}
+
+impl From<BakedObject> for ObjectTransfer {
+    fn from(of: BakedObject) -> Self {
+        let numbers = |list: Vec<u16>| list.into_iter().map(f16::from_bits).collect();
+        Self { rows: numbers(of.rows), blocked: numbers(of.blocked) }
+    }
+}
 
 /// The transfer of all objects of a scene that never move (which also shadow each other), at an SH order, or from the folder
-/// `cache` where an earlier run left it for the same geometry, order and rays. A file there that is damaged, or speaks of
-/// something else, is not used and written anew; where nothing can be written, that is logged and nothing else.
+/// `cache` where an earlier run left it for the same geometry, order and rays (`kept`).
 ///
 /// `progress` is told the share done, 0 to 1, in no strict order.
 pub fn of_scene(
@@ -44,22 +89,15 @@ pub fn of_scene(
         progress(1.0);
         return SceneTransfer { order, objects: vec![None; scene.objects.len()] };
     }
-    let key = key(&standing, order, rays);
-    let file = cache.map(|folder| cache_file(folder, &key));
-    let known = file.as_deref().and_then(|file| read(file, &key, &standing, order));
-    let baked = known.unwrap_or_else(|| {
+    let input = BakeInput { standing: &standing, order, rays };
+    let Ok(baked) = Cache::new(cache).keep(&input, || {
         let baked = transfer::bake(&standing, order, rays, progress);
-        if let Some(file) = &file
-            && let Err(error) = write(file, &key, &baked)
-        {
-            tracing::warn!("precomputed transfer is not kept: {error}");
-        }
-        baked
+        Ok::<_, Infallible>(baked.into_iter().map(BakedObject::from).collect())
     });
     progress(1.0);
     let mut out = SceneTransfer { order, objects: vec![None; scene.objects.len()] };
     for (object, baked) in still.into_iter().zip(baked) {
-        out.objects[object] = Some(baked);
+        out.objects[object] = Some(baked.into());
     }
     out
 }
@@ -67,73 +105,6 @@ pub fn of_scene(
 /// Whether a material's lobe is shaded through the visibility of its vertices.
 fn is_glossy(material: &Material) -> bool {
     matches!(material, Material::Phong { specular_rgb, .. } if *specular_rgb != [0.0; 3])
-}
-
-/// SHA-256 of the algorithm's version, the settings and the geometry.
-fn key(standing: &[Standing<'_>], order: usize, rays: u32) -> [u8; HASH] {
-    let mut hash = Sha256::new();
-    hash.update(transfer::VERSION.to_le_bytes());
-    hash.update((order as u64).to_le_bytes());
-    hash.update(rays.to_le_bytes());
-    for mesh in standing {
-        for size in [mesh.positions_world.len(), mesh.normals_world.len(), mesh.triangles.len()] {
-            hash.update((size as u64).to_le_bytes());
-        }
-        hash.update([u8::from(mesh.is_glossy)]);
-        for vector in mesh.positions_world.iter().chain(mesh.normals_world) {
-            vector.to_array().iter().for_each(|x| hash.update(x.to_le_bytes()));
-        }
-        mesh.triangles.as_flattened().iter().for_each(|i| hash.update(i.to_le_bytes()));
-    }
-    hash.finalize().into()
-}
-
-/// Where a folder keeps what belongs to a key.
-fn cache_file(folder: &Path, key: &[u8; HASH]) -> PathBuf {
-    let name: String = key.iter().map(|b| format!("{b:02x}")).collect();
-    folder.join("transfer").join(format!("{name}.bin"))
-}
-
-/// A file is the key, the 16-bit floats of all objects one after the other (little-endian), of each what is blocked after
-/// its transfer, and the SHA-256 of both.
-fn read(
-    file: &Path,
-    key: &[u8; HASH],
-    standing: &[Standing<'_>],
-    order: usize,
-) -> Option<Vec<ObjectTransfer>> {
-    let bytes = super::error::read_file(file).ok()?;
-    let rows = |mesh: &Standing<'_>| mesh.positions_world.len() * order * order;
-    let blocked = |mesh: &Standing<'_>| if mesh.is_glossy { rows(mesh) } else { 0 };
-    let numbers: usize = standing.iter().map(|mesh| rows(mesh) + blocked(mesh)).sum();
-    let (content, checksum) = bytes.split_at_checked(bytes.len().checked_sub(HASH)?)?;
-    let sound = content.len() == HASH + 2 * numbers
-        && content.starts_with(key)
-        && <[u8; HASH]>::from(Sha256::digest(content)) == checksum;
-    if !sound {
-        return None;
-    }
-    let mut all = content[HASH..].chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]));
-    let take = |mesh: &Standing<'_>| ObjectTransfer {
-        rows: all.by_ref().take(rows(mesh)).collect(),
-        blocked: all.by_ref().take(blocked(mesh)).collect(),
-    };
-    Some(standing.iter().map(take).collect())
-}
-
-fn write(file: &Path, key: &[u8; HASH], baked: &[ObjectTransfer]) -> Result<(), AssetError> {
-    let failed = |e: std::io::Error| AssetError::new(file, "cannot be written").cause(e);
-    let mut bytes = key.to_vec();
-    bytes.extend(baked.iter().flat_map(|o| o.rows.iter().chain(&o.blocked)).flat_map(|t| t.to_le_bytes()));
-    let checksum: [u8; HASH] = Sha256::digest(&bytes).into();
-    bytes.extend(checksum);
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    // A reader never sees half a file: written beside it, then moved.
-    let beside = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&beside, bytes).map_err(failed)?;
-    std::fs::rename(&beside, file).map_err(failed)
 }
 
 #[cfg(test)]
@@ -189,8 +160,6 @@ mod tests {
         let files: Vec<_> =
             std::fs::read_dir(folder.join("transfer")).unwrap().map(|e| e.unwrap().path()).collect();
         assert_eq!(files.len(), 3);
-        let key = cache_file(&folder, &[0; HASH]);
-        assert!(!files.contains(&key));
         for damage in [0usize, 40, 200] {
             for file in &files {
                 let mut bytes = std::fs::read(file).unwrap();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// A clock on the monotonic time line of the frames. It never goes back. Shared by threads.
 pub trait Clock: Send + Sync {
-    /// Now.
+    /// The present moment on this clock; never goes back.
     fn now(&self) -> Timestamp;
 
     /// Waits until `t` or until the signal is raised, whichever comes first; returns whether the signal is raised.

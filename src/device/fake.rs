@@ -37,7 +37,7 @@ pub enum FakeStep {
     Refusal,
     /// Says that there is no more.
     End,
-    /// Panics.
+    /// The device's own thread ends.
     Panic,
 }
 
@@ -54,7 +54,7 @@ pub enum FakeScript {
         seed: u64,
         /// Probability of a fault at each call.
         share: f64,
-        /// The fault.
+        /// What happens then.
         fault: FakeStep,
         /// How many faults there are; then comes [`FakeStep::End`].
         faults: u64,
@@ -232,7 +232,7 @@ impl<T> Drop for FakeDevice<T> {
     }
 }
 
-/// A fake camera.
+/// Gives frames by a script, for tests.
 pub struct FakeCamera {
     device: FakeDevice<RawFrame>,
     rig: Option<Rig>,

@@ -30,7 +30,7 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// All.
+    /// Each kind of wait once.
     pub const ALL: [Self; 6] = [Self::Open, Self::Item, Self::Stop, Self::Inbox, Self::Show, Self::Engine];
 }
 
@@ -127,7 +127,7 @@ impl Default for Backoff {
 /// What a device's thread says.
 #[derive(Debug)]
 pub enum Delivery<T> {
-    /// An item.
+    /// What the device gave, in its order.
     Item(T),
     /// The device is lost, or could not be opened; it is opened again and again from now on. Said once for each loss.
     Lost(DeviceError),
@@ -294,7 +294,6 @@ pub fn stop_all(supervisors: Vec<Supervisor>) -> Vec<Stopped> {
 }
 
 /// Starts a device's thread.
-///
 /// `open` opens the device by a deadline, `next` asks it for an item by a deadline, `deliver` takes what happens and returns
 /// whether to go on; it must not block. All three run on the thread. `Refused` where no thread can be made.
 pub fn supervise<S: 'static, T: 'static>(

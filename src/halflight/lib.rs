@@ -25,6 +25,7 @@
 pub use halflight_core::{animate, compose, hdr, light, model, nearfield, plan, sources, track, visibility};
 pub use halflight_device as device;
 pub use halflight_engine as engine;
+pub use halflight_lab as lab;
 pub use halflight_lab::{reference, stress};
 pub use halflight_math as math;
 pub use halflightd::{config, daemon, pipeline, present};

@@ -11,7 +11,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_target(false)
         .init();
-    match halflight::cli::run(halflight::cli::Arguments::parse()) {
+    match halflight::cli::run(halflight::cli::CommandLine::parse()) {
         Ok(status) => status,
         Err(error) => {
             eprintln!("halflight: {error}");

@@ -33,7 +33,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// A pinhole.
+    /// No distortion; focal lengths and principal point in pixels.
     pub const fn pinhole(width: u32, height: u32, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
         Self { width, height, fx, fy, cx, cy, distortion: Distortion::None }
     }

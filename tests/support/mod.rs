@@ -1,6 +1,8 @@
 //! What every test file may use: where the shared data is, and visible skips.
 #![allow(dead_code)]
 
+pub mod wanted;
+
 use std::path::PathBuf;
 
 /// The folder of shared test data (`../shared` or HALFLIGHT_SHARED). Where it is missing the test prints
@@ -13,14 +15,19 @@ pub fn shared(test: &str) -> Option<PathBuf> {
     }
     let why = format!("{test}: no shared data at {}", folder.display());
     assert!(std::env::var_os("REQUIRE_SHARED").is_none_or(|v| v != "1"), "REQUIRE_SHARED=1, but {why}");
+    skipped(&why);
+    None
+}
+
+/// Prints that a test was skipped, and writes it down for the table of wanted figures.
+pub fn skipped(why: &str) {
     println!("SKIPPED {why}");
     eprintln!("SKIPPED {why}");
-    None
+    wanted::note_skipped(why);
 }
 
 /// Reports that no adapter was found; REQUIRE_GPU=1 makes that a failure.
 pub fn skip_gpu(test: &str, why: &str) {
     assert!(std::env::var_os("REQUIRE_GPU").is_none_or(|v| v != "1"), "REQUIRE_GPU=1, but {test}: {why}");
-    println!("SKIPPED {test}: {why}");
-    eprintln!("SKIPPED {test}: {why}");
+    skipped(&format!("{test}: {why}"));
 }

@@ -15,7 +15,7 @@ use crate::{
 use gltf::{Primitive, Semantic, texture::WrappingMode};
 use std::rc::Rc;
 
-/// Means over vertices.
+/// Colour, roughness and metalness in the mean over vertices.
 #[derive(Clone, Debug, Default)]
 pub struct Means {
     vertices: f64,
@@ -24,14 +24,14 @@ pub struct Means {
 }
 
 impl Means {
-    /// Counts one vertex.
+    /// Takes one vertex into the means.
     pub fn count(&mut self, tint_rgb: [f32; 3], rough_metal: [f32; 2]) {
         self.vertices += 1.0;
         (0..3).for_each(|k| self.tint_rgb[k] += f64::from(tint_rgb[k]));
         (0..2).for_each(|k| self.rough_metal[k] += f64::from(rough_metal[k]));
     }
 
-    /// Adds another primitive's.
+    /// Takes the vertices of another primitive into the means.
     pub fn add(&mut self, other: &Self) {
         self.vertices += other.vertices;
         (0..3).for_each(|k| self.tint_rgb[k] += other.tint_rgb[k]);

@@ -15,7 +15,7 @@ use std::collections::HashMap;
 pub struct Part {
     /// Posed, z up.
     pub mesh: Mesh,
-    /// For the material.
+    /// What its vertices tell of its material.
     pub means: Means,
     /// How the vertices follow their joints; empty unless `read` was told what they hang on.
     pub bound: Bound,
@@ -52,7 +52,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// Adds another primitive's.
+    /// Adds the vertices of another primitive.
     pub fn append(&mut self, other: Self) {
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);

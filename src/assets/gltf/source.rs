@@ -8,11 +8,11 @@ use crate::{
 use gltf::{Document, json::validation::Checked};
 use std::{collections::HashMap, path::Path, rc::Rc};
 
-/// An opened model.
+/// A model's file: its description, buffers and decoded pictures.
 pub struct Source<'a> {
     /// Names it in errors.
     pub file: &'a Path,
-    /// The validated description.
+    /// The description, whose indices were checked.
     pub document: Rc<Document>,
     buffers: Vec<Vec<u8>>,
     pictures: HashMap<usize, Rc<Rgb8Image>>,

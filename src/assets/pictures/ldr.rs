@@ -3,7 +3,10 @@
 use super::{MAX_PIXELS, MAX_SIDE, check_size};
 use crate::{
     error::AssetError,
-    model::image::{Image, RadianceImage, Rgb8Image},
+    model::{
+        image::{Image, RadianceImage, Rgb8Image},
+        jpeg,
+    },
 };
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::Path};
@@ -20,6 +23,9 @@ fn open(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, 
         reader.limits(limits);
         reader
     };
+    if format == ImageFormat::Jpeg {
+        jpeg::is_whole(bytes).map_err(|what| AssetError::new(file, "decode Jpeg").cause(what))?;
+    }
     let (width, height) = reader().into_dimensions().map_err(failed)?;
     check_size(file, width as usize, height as usize)?;
     reader().decode().map_err(failed)

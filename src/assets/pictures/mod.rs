@@ -19,7 +19,7 @@ pub const MAX_PIXELS: usize = 1 << 26;
 
 /// What a file is, by its first bytes (the name's ending is not asked).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum PictureFormat {
     Png,
     Jpeg,
     OpenExr,
@@ -29,19 +29,19 @@ enum Format {
 /// How far into a Radiance file its `#?RADIANCE` line may stand (programs put their own lines before it).
 const RADIANCE_HEADER_BYTES: usize = 4096;
 
-fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, AssetError> {
+fn format_of(file: &Path, bytes: &[u8]) -> Result<PictureFormat, AssetError> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        return Ok(Format::Png);
+        return Ok(PictureFormat::Png);
     }
     if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
-        return Ok(Format::Jpeg);
+        return Ok(PictureFormat::Jpeg);
     }
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        return Ok(Format::OpenExr);
+        return Ok(PictureFormat::OpenExr);
     }
     let head = &bytes[..bytes.len().min(RADIANCE_HEADER_BYTES)];
     if head.windows(2).any(|pair| pair == b"#?") {
-        return Ok(Format::Radiance);
+        return Ok(PictureFormat::Radiance);
     }
     let first: Vec<String> = bytes.iter().take(4).map(|b| format!("{b:02x}")).collect();
     Err(AssetError::new(file, "first bytes")
@@ -76,8 +76,8 @@ pub fn load_rgb8(file: &Path) -> Result<Rgb8Image, AssetError> {
 /// `load_rgb8` from bytes; `file` only names them in errors.
 pub fn decode_rgb8(file: &Path, bytes: &[u8]) -> Result<Rgb8Image, AssetError> {
     match format_of(file, bytes)? {
-        Format::Png => ldr::rgb8(file, bytes, image::ImageFormat::Png),
-        Format::Jpeg => ldr::rgb8(file, bytes, image::ImageFormat::Jpeg),
+        PictureFormat::Png => ldr::rgb8(file, bytes, image::ImageFormat::Png),
+        PictureFormat::Jpeg => ldr::rgb8(file, bytes, image::ImageFormat::Jpeg),
         other => Err(AssetError::new(file, "picture format")
             .value(format!("{other:?}"))
             .allowed("PNG or JPEG where an 8-bit picture is wanted")),
@@ -91,8 +91,8 @@ pub fn decode_rgb8(file: &Path, bytes: &[u8]) -> Result<Rgb8Image, AssetError> {
 pub fn load_gray8(file: &Path) -> Result<Image<u8>, AssetError> {
     let bytes = read_file(file)?;
     match format_of(file, &bytes)? {
-        Format::Png => ldr::gray8(file, &bytes, image::ImageFormat::Png),
-        Format::Jpeg => ldr::gray8(file, &bytes, image::ImageFormat::Jpeg),
+        PictureFormat::Png => ldr::gray8(file, &bytes, image::ImageFormat::Png),
+        PictureFormat::Jpeg => ldr::gray8(file, &bytes, image::ImageFormat::Jpeg),
         other => Err(AssetError::new(file, "picture format")
             .value(format!("{other:?}"))
             .allowed("PNG or JPEG where an 8-bit picture is wanted")),
@@ -128,12 +128,12 @@ pub fn load_raw(file: &Path) -> Result<RadianceImage, AssetError> {
 /// As `load_radiance`.
 pub fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
     match format_of(file, bytes)? {
-        Format::Png => ldr::linear(file, bytes, image::ImageFormat::Png, srgb_decode),
-        Format::Jpeg => ldr::linear(file, bytes, image::ImageFormat::Jpeg, srgb_decode),
-        Format::OpenExr => Err(AssetError::new(file, "picture format").value("OpenEXR").allowed(
+        PictureFormat::Png => ldr::linear(file, bytes, image::ImageFormat::Png, srgb_decode),
+        PictureFormat::Jpeg => ldr::linear(file, bytes, image::ImageFormat::Jpeg, srgb_decode),
+        PictureFormat::OpenExr => Err(AssetError::new(file, "picture format").value("OpenEXR").allowed(
             "Radiance, PNG or JPEG here; `halflight` reads OpenEXR, and `halflight light FILE --out FILE.hdr` converts it",
         )),
-        Format::Radiance => radiance::decode(file, bytes),
+        PictureFormat::Radiance => radiance::decode(file, bytes),
     }
 }
 

@@ -19,7 +19,7 @@ struct Header {
     height: usize,
     bottom_up: bool,
     right_to_left: bool,
-    /// Multiplies decoded pixels.
+    /// By what decoded pixels are multiplied.
     scale_rgb: [f64; 3],
     /// Where the pixels begin.
     pixels_at: usize,
@@ -90,7 +90,8 @@ fn header(file: &Path, bytes: &[u8]) -> Result<Header, AssetError> {
         );
     }
     let mut scale_rgb = [1.0f64; 3];
-    for line in &lines {
+    // What is indented is the header of a picture that this one was made of.
+    for line in lines.iter().filter(|line| !line.starts_with(char::is_whitespace)) {
         let Some((key, text)) = line.split_once('=') else { continue };
         let text = text.trim();
         let wrong = |allowed: &str| AssetError::new(file, key.trim()).value(text).allowed(allowed);

@@ -15,7 +15,7 @@ pub struct Movement {
     pub animation: Option<String>,
     from_s: f64,
     speed: f64,
-    /// Where it goes.
+    /// The way that it walks round and round.
     pub walk: Option<Walk>,
     /// Where it is carried: its moving, as a clip of the one node of a body that keeps its shape.
     pub carried: Option<Clip>,

@@ -17,6 +17,8 @@
 //! exposures_s = [0.01, 0.04]
 //! # file = "room.hdr", layout = "equirect" | "angular" | "cube", up = "z" | "y", rotation_deg = 30.0
 //! # constant = [0.3, 0.3, 0.3], to_light = [0.5, 0.0, 0.8], irradiance_rgb = [3.0, 3.0, 2.8]
+//! # below = "given"                # of file or constant, light from below the horizon: as given (default), "dark" (none),
+//!                                    # or "surface" (what z = 0 sends up; surface_albedo_rgb = [0.5, 0.5, 0.5])
 //!
 //! [room]                             # known geometry of the real place: near light and its shadows
 //! file = "room.glb"                  # glTF (emissive parts shine), or a reference case
@@ -80,7 +82,8 @@ mod walk;
 
 pub use room::{RoomLightSource, RoomSource};
 
-use super::error::{AssetError, read_text};
+use super::error::{AssetError, TextPosition, read_text};
+use crate::light::below::BelowHorizon;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     rig::{MirrorBall, Rig, TagPlacement},
@@ -88,6 +91,7 @@ use crate::model::{
 };
 use glam::Affine3A;
 use std::path::{Path, PathBuf};
+use toml::de::DeTable;
 use walk::{Mistakes, Section, number};
 
 /// Triangles by which the ball hides what lies behind it: 20 * 4^4.
@@ -96,7 +100,7 @@ const BALL_SUBDIVISIONS: u32 = 4;
 /// A camera for stills.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneCamera {
-    /// Its lens.
+    /// From the calibration's file or from numbers.
     pub lens: Lens,
     /// Where it stands.
     pub world_from_camera: Pose,
@@ -145,19 +149,21 @@ pub enum LightSource {
 /// A scene file, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
-    /// The file.
+    /// Where it was read; relative paths start from its folder.
     pub file: PathBuf,
     /// Virtual objects and real surfaces.
     pub scene: Scene,
     /// The camera for stills.
     pub camera: Option<SceneCamera>,
-    /// The light.
+    /// What `[light]` says.
     pub light: LightSource,
-    /// The known room.
+    /// Which light comes from below the horizon.
+    pub light_below: BelowHorizon,
+    /// What `[room]` says; not loaded yet.
     pub room: Option<RoomSource>,
-    /// Known tags.
+    /// Tags whose places are known.
     pub tags: Vec<TagPlacement>,
-    /// The mirror ball.
+    /// The mirror ball's place and size.
     pub ball: Option<MirrorBall>,
     /// Whether the ball stands on the surface.
     pub ball_on_surface: bool,
@@ -204,7 +210,7 @@ impl SceneFile {
 /// Reads and checks a scene file with all that it names.
 ///
 /// # Errors
-/// All mistakes of the file at once, each with key, value and what is allowed; or a file it names that cannot be read.
+/// All mistakes of the file at once, each with its line and column, key, value and what is allowed; or a file it names that cannot be read.
 pub fn load(file: &Path) -> Result<SceneFile, AssetError> {
     parse(file, &read_text(file)?)
 }
@@ -214,14 +220,18 @@ pub fn load(file: &Path) -> Result<SceneFile, AssetError> {
 /// # Errors
 /// As `load`.
 pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
-    let table = text
-        .parse::<toml::Table>()
-        .map_err(|e| AssetError::new(file, "is not valid TOML").cause(e.to_string().trim_end().to_owned()))?;
-    let mistakes = Mistakes::new(file);
-    let root = Section::new("", &table, &mistakes);
+    let document = DeTable::parse(text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start);
+        let mistake = AssetError::new(file, "is not valid TOML").at(TextPosition::of(text, at));
+        mistake.cause(error.message().to_owned())
+    })?;
+    let mistakes = Mistakes::new(file, text);
+    let root = Section::new("", document.get_ref(), 0, &mistakes);
     let folder = file.parent().unwrap_or(Path::new(""));
     let camera = root.table("camera").and_then(|s| rig::camera(&s, folder, &mistakes));
-    let light = root.table("light").map_or(LightSource::Unstated, |s| rig::light(&s, folder));
+    let (light, light_below) = root
+        .table("light")
+        .map_or((LightSource::Unstated, BelowHorizon::AsGiven), |s| rig::light(&s, folder));
     let room = root.table("room").and_then(|s| room::room(&s, folder));
     let (ball, ball_on_surface) = root.table("ball").map_or((None, true), |s| rig::ball(&s));
     let tags = root.tables("tag").iter().filter_map(rig::tag).collect();
@@ -242,7 +252,8 @@ pub fn parse(file: &Path, text: &str) -> Result<SceneFile, AssetError> {
     match mistakes.into_error() {
         Some(error) => Err(error),
         None => {
-            Ok(SceneFile { file: file.to_owned(), scene, camera, light, room, tags, ball, ball_on_surface })
+            let file = file.to_owned();
+            Ok(SceneFile { file, scene, camera, light, light_below, room, tags, ball, ball_on_surface })
         }
     }
 }

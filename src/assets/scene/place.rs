@@ -128,15 +128,15 @@ pub fn objects(
     Some((parts, figure))
 }
 
-struct Place {
+struct Standpoint {
     position: Vec3,
     rotation: Quat,
 }
 
-fn place(section: &Section<'_>) -> Place {
+fn place(section: &Section<'_>) -> Standpoint {
     let position = section.point("position").unwrap_or(DVec3::ZERO).as_vec3();
     let yaw = section.number("yaw_deg", -360.0, 360.0).unwrap_or(0.0).to_radians() as f32;
-    Place { position, rotation: Quat::from_rotation_z(yaw) }
+    Standpoint { position, rotation: Quat::from_rotation_z(yaw) }
 }
 
 fn is_gltf(path: &Path) -> bool {

@@ -5,6 +5,7 @@ use super::{
     walk::{Mistakes, Section, numbers},
 };
 use crate::calibration;
+use crate::light::below::BelowHorizon;
 use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
@@ -97,8 +98,8 @@ fn rigid_rows(value: &toml::Value) -> Option<Pose> {
     (is_rotation && rows[3] == [0.0, 0.0, 0.0, 1.0]).then(|| Pose::from_rows(rows))
 }
 
-/// `[light]`
-pub fn light(section: &Section<'_>, folder: &Path) -> LightSource {
+/// `[light]`, and what comes from below the horizon.
+pub fn light(section: &Section<'_>, folder: &Path) -> (LightSource, BelowHorizon) {
     let ways = ["measure", "file", "constant", "to_light"].iter().filter(|key| section.has(key)).count();
     let measure = section.read("measure", "\"ball\"", |v| (v.as_str() == Some("ball")).then_some(()));
     let file = section.text("file").map(|name| resolved(folder, name));
@@ -109,6 +110,7 @@ pub fn light(section: &Section<'_>, folder: &Path) -> LightSource {
         DVec3::new(list[0], list[1], list[2]).try_normalize().map(|d| d.as_vec3().to_array())
     });
     let irradiance_rgb = section.color("irradiance_rgb", 1e6);
+    let below = below(section, measure.is_some());
     let bracket = if measure.is_some() { pictures(section, folder) } else { Pictures::default() };
     if ways == 0 {
         section.refuse("measure", "given, or one of file, constant, to_light");
@@ -116,14 +118,36 @@ pub fn light(section: &Section<'_>, folder: &Path) -> LightSource {
         section.refuse("irradiance_rgb", "given together with to_light");
     }
     section.finish();
-    match (measure, file) {
+    let source = match (measure, file) {
         (Some(()), _) => LightSource::Ball(bracket),
         (None, Some(file)) => LightSource::File { file, layout, y_up, rotation_deg },
         (None, None) => LightSource::Stated {
             constant_rgb: constant_rgb.unwrap_or_default(),
             direct: to_light.zip(irradiance_rgb),
         },
+    };
+    (source, below)
+}
+
+/// Albedo of the surface below the horizon where the file does not say.
+const UNSTATED_ALBEDO: f32 = 0.5;
+
+/// `below` and `surface_albedo_rgb` of `[light]`.
+fn below(section: &Section<'_>, is_measured: bool) -> BelowHorizon {
+    let albedo_rgb = section.color("surface_albedo_rgb", 1.0);
+    let below = section.read("below", "one of \"given\", \"dark\", \"surface\"", |v| match v.as_str()? {
+        "given" => Some(BelowHorizon::AsGiven),
+        "dark" => Some(BelowHorizon::Dark),
+        "surface" => Some(BelowHorizon::Surface { albedo_rgb: albedo_rgb.unwrap_or([UNSTATED_ALBEDO; 3]) }),
+        _ => None,
+    });
+    if is_measured && below.is_some() {
+        section.refuse("below", "left out where light is measured: ball.on_surface says it");
     }
+    if albedo_rgb.is_some() && !matches!(below, Some(BelowHorizon::Surface { .. })) {
+        section.refuse("surface_albedo_rgb", "left out where below is not \"surface\"");
+    }
+    below.unwrap_or_default()
 }
 
 /// How an environment picture lies: its layout, whether its up is +y, and its turn about the world's z axis in degrees.

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// The surface and its weights.
 pub struct Body {
-    /// z up, metres.
+    /// Positions, normals and colours; z up, metres.
     pub mesh: Mesh,
     /// For each vertex, indices of bones.
     pub joints: Vec<[u16; 4]>,
@@ -18,18 +18,18 @@ pub struct Body {
 /// Rings between two stations.
 const STEPS: usize = 3;
 
-type Rgb = [f32; 3];
-const WOOD: Rgb = [0.72, 0.48, 0.28];
-const SHIRT: Rgb = [0.06, 0.36, 0.40];
-const BAND: Rgb = [0.85, 0.72, 0.42];
-const TROUSERS: Rgb = [0.10, 0.12, 0.24];
-const SHOES: Rgb = [0.42, 0.07, 0.04];
-const HAIR: Rgb = [0.10, 0.045, 0.02];
-const EYES: Rgb = [0.01, 0.01, 0.012];
+type PaintRgb = [f32; 3];
+const WOOD: PaintRgb = [0.72, 0.48, 0.28];
+const SHIRT: PaintRgb = [0.06, 0.36, 0.40];
+const BAND: PaintRgb = [0.85, 0.72, 0.42];
+const TROUSERS: PaintRgb = [0.10, 0.12, 0.24];
+const SHOES: PaintRgb = [0.42, 0.07, 0.04];
+const HAIR: PaintRgb = [0.10, 0.045, 0.02];
+const EYES: PaintRgb = [0.01, 0.01, 0.012];
 
 /// A drawn cross-section: middle, half widths along x (or what is across the tube there) and along the other way, its
 /// colour, and where it stands on the chain of bones (1.25: a smooth quarter from bone 1 to bone 2 of the list).
-type Station = ([f64; 3], [f64; 2], Rgb, f64);
+type Station = ([f64; 3], [f64; 2], PaintRgb, f64);
 
 struct Tube<'a> {
     stations: &'a [Station],
@@ -39,7 +39,7 @@ struct Tube<'a> {
     floor: f64,
 }
 
-/// The whole body.
+/// Tubes for trunk, limbs and head, joined.
 pub fn body() -> Body {
     let mut body = Body { mesh: Mesh::default(), joints: Vec::new(), weights: Vec::new() };
     let no_floor = f64::NEG_INFINITY;
@@ -162,7 +162,7 @@ fn on_side(stations: &[Station], side: f64) -> Vec<Station> {
     stations.iter().map(|&([x, y, z], half, rgb, chain)| ([side * x, y, z], half, rgb, chain)).collect()
 }
 
-fn ball([x, y, z]: [f64; 3], radius: f64, rgb: Rgb) -> Vec<Station> {
+fn ball([x, y, z]: [f64; 3], radius: f64, rgb: PaintRgb) -> Vec<Station> {
     [-1.0f64, -0.9, -0.5, 0.0, 0.5, 0.9, 1.0]
         .map(|t| {
             let half = radius * (1.0 - t * t).sqrt();
@@ -230,15 +230,15 @@ impl Body {
     }
 }
 
-struct Ring {
+struct TubeRing {
     middle: DVec3,
     half: [f64; 2],
-    rgb: Rgb,
+    rgb: PaintRgb,
     chain: f64,
 }
 
 /// Stations with rings between them on a curve through them (Catmull-Rom); colours stay with the station before.
-fn rings(stations: &[Station]) -> Vec<Ring> {
+fn rings(stations: &[Station]) -> Vec<TubeRing> {
     let last = stations.len() - 1;
     let mut out = Vec::new();
     for k in 0..last {
@@ -255,7 +255,7 @@ fn rings(stations: &[Station]) -> Vec<Ring> {
                 b + t * (m0 + t * (3.0 * (c - b) - 2.0 * m0 - m1 + t * (2.0 * (b - c) + m0 + m1)))
             };
             let (b, c) = (four[1], four[2]);
-            out.push(Ring {
+            out.push(TubeRing {
                 middle: DVec3::new(mix(&|s| s.0[0]), mix(&|s| s.0[1]), mix(&|s| s.0[2])),
                 half: [mix(&|s| s.1[0]).max(0.0), mix(&|s| s.1[1]).max(0.0)],
                 rgb: b.2,
@@ -264,7 +264,7 @@ fn rings(stations: &[Station]) -> Vec<Ring> {
         }
     }
     let end = &stations[last];
-    out.push(Ring { middle: end.0.into(), half: [0.0; 2], rgb: end.2, chain: end.3 });
+    out.push(TubeRing { middle: end.0.into(), half: [0.0; 2], rgb: end.2, chain: end.3 });
     out
 }
 

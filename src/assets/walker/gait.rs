@@ -19,12 +19,12 @@ const CROUCH_M: f64 = 0.0078;
 const HEEL: DVec3 = DVec3::new(0.0, 0.0095, -0.013);
 
 /// A pose: every bone's turn, and the hips' shift from rest.
-struct Pose {
+struct BonePose {
     turns: [DQuat; BONES.len()],
     hips_shift: DVec3,
 }
 
-impl Pose {
+impl BonePose {
     fn turn(&mut self, bone: Bone, turn: DQuat) {
         self.turns[bone as usize] = turn;
     }
@@ -91,8 +91,8 @@ fn foot([_, _, foot, toe]: [Bone; 4], phase: f64) -> (DVec3, f64, f64) {
     (place, pitch, -pitch0.max(0.0) * (1.0 - smooth(0.0, 0.5, t)))
 }
 
-fn walk_pose(phase: f64) -> Pose {
-    let mut pose = Pose { turns: [DQuat::IDENTITY; BONES.len()], hips_shift: DVec3::ZERO };
+fn walk_pose(phase: f64) -> BonePose {
+    let mut pose = BonePose { turns: [DQuat::IDENTITY; BONES.len()], hips_shift: DVec3::ZERO };
     let wave = |shift: f64| (TAU * (phase - shift)).cos();
     // Highest and farthest to its side in the middle of a foot's stance.
     let bob = (2.0 * TAU * (phase - STANCE / 2.0)).cos();
@@ -129,8 +129,8 @@ fn walk_pose(phase: f64) -> Pose {
     pose
 }
 
-fn idle_pose(phase: f64) -> Pose {
-    let mut pose = Pose { turns: [DQuat::IDENTITY; BONES.len()], hips_shift: DVec3::ZERO };
+fn idle_pose(phase: f64) -> BonePose {
+    let mut pose = BonePose { turns: [DQuat::IDENTITY; BONES.len()], hips_shift: DVec3::ZERO };
     let (wave, twice) = ((TAU * phase).sin(), (2.0 * TAU * phase).sin());
     pose.hips_shift = DVec3::new(0.0012 * wave, 0.0, -0.0016 + 0.0004 * twice);
     pose.turn(Bone::Spine, DQuat::from_rotation_y(-0.02 * wave) * DQuat::from_rotation_x(0.012 * twice));
@@ -157,9 +157,9 @@ pub fn idle() -> Clip {
     clip("Idle", IDLE_S, IDLE_KEYS, idle_pose)
 }
 
-fn clip(name: &str, duration_s: f64, keys: usize, pose: fn(f64) -> Pose) -> Clip {
+fn clip(name: &str, duration_s: f64, keys: usize, pose: fn(f64) -> BonePose) -> Clip {
     // The last key is the first pose again, bit for bit.
-    let poses: Vec<Pose> = (0..=keys).map(|k| pose((k % keys) as f64 / keys as f64)).collect();
+    let poses: Vec<BonePose> = (0..=keys).map(|k| pose((k % keys) as f64 / keys as f64)).collect();
     let times_s: Vec<f32> = (0..=keys).map(|k| (duration_s * k as f64 / keys as f64) as f32).collect();
     let channel = |node: usize, moves, values: Vec<Vec4>| Channel {
         node: node as u32,
@@ -168,7 +168,7 @@ fn clip(name: &str, duration_s: f64, keys: usize, pose: fn(f64) -> Pose) -> Clip
         times_s: times_s.clone(),
         values,
     };
-    let shifted = |pose: &Pose| y_up(Bone::Hips.place() + pose.hips_shift).extend(0.0);
+    let shifted = |pose: &BonePose| y_up(Bone::Hips.place() + pose.hips_shift).extend(0.0);
     let mut channels =
         vec![channel(Bone::Hips as usize, Moves::Translation, poses.iter().map(shifted).collect())];
     for bone in 0..BONES.len() {

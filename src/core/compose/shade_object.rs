@@ -72,7 +72,7 @@ impl LightTerms {
         terms
     }
 
-    /// The hard lights.
+    /// In the order of their maps.
     pub fn hard(&self) -> &[HardLight] {
         self.hard.as_slice()
     }

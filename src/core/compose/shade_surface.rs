@@ -40,7 +40,7 @@ fn left_of(whole_rgb: [f32; 3], blocked_rgb: [f32; 3]) -> [f32; 3] {
 
 /// Everything that the pixels of one frame share.
 pub struct SurfaceFrame<'a> {
-    /// The light.
+    /// Hard lights, and the rest as harmonics.
     pub light: &'a LightTerms,
     /// The shadow maps, one for each hard light.
     pub shadows: &'a ShadowMaps,

@@ -110,7 +110,7 @@ impl SoftGrid {
         chunks.for_each(|(out, points)| taken_in_row(blockers, transfer, planes, points, out));
     }
 
-    /// The vertices.
+    /// In the order that the triangles refer to.
     pub fn vertices(&self) -> &[GridVertex] {
         &self.vertices
     }

@@ -22,7 +22,7 @@ pub struct ToneTable {
 }
 
 impl ToneTable {
-    /// Of a response.
+    /// The way back through a camera's curve.
     pub fn of(response: &Response) -> Self {
         let mut table = Self {
             response: response.clone(),

@@ -44,7 +44,7 @@ type ShRow = [f32; MAX_COEFFICIENTS];
 /// What a frame asks of the vertices.
 #[derive(Clone, Copy)]
 pub struct VertexFrame<'a> {
-    /// The light.
+    /// Hard lights, and the rest as harmonics.
     pub light: &'a LightTerms,
     /// Where the vertices are.
     pub objects: &'a ObjectGeometry,

@@ -22,9 +22,9 @@ const BIN_COLUMNS: usize = 32;
 pub struct PastTheBall<'a> {
     /// Linear picture.
     pub picture: &'a HdrImage,
-    /// Its lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: &'a Lens,
-    /// Its pose.
+    /// Takes points of the camera's frame to the world, metres.
     pub world_from_camera: &'a Pose,
     /// What is in the way.
     pub ball: &'a MirrorBall,

@@ -1,5 +1,6 @@
 //! From a linear picture to light: unwrap, project, split, follow.
 
+pub mod below;
 pub mod clipped;
 pub mod compact;
 pub mod cone;

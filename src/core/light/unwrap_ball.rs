@@ -29,7 +29,7 @@ pub enum UnwrapError {
     BadBall {
         /// Which number.
         what: &'static str,
-        /// Its value.
+        /// What stood there.
         value: f64,
         /// What is allowed.
         allowed: &'static str,
@@ -288,7 +288,7 @@ pub struct BallShot<'a> {
     pub lens: &'a Lens,
     /// Pose of both.
     pub world_from_camera: &'a Pose,
-    /// The ball.
+    /// Where it stands and how large it is.
     pub ball: &'a MirrorBall,
     /// Whether the ball stands on (or over) the surface z = 0: directions below the horizon then show the unshadowed
     /// surface.

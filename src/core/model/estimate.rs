@@ -30,7 +30,7 @@ pub enum Provenance {
 pub struct PoseEstimate {
     /// Time that the pose is for.
     pub t: Timestamp,
-    /// Camera to world.
+    /// Pose of the camera, metres: takes points of its frame to the world.
     pub world_from_camera: Pose,
     /// Measured, predicted or held.
     pub provenance: Provenance,

@@ -68,7 +68,7 @@ pub struct HardLights {
 }
 
 impl HardLights {
-    /// None.
+    /// No hard light at all.
     pub const fn none() -> Self {
         let dark = HardLight { to_light_world: [0.0; 3], irradiance_rgb: [0.0; 3], extent_rad: 0.0 };
         Self { count: 0, lights: [dark; MAX_HARD_LIGHTS] }

@@ -1,4 +1,5 @@
-//! Layer 1: plain data. No behaviour beyond keeping its own invariants, no serialisation.
+//! Layer 1: plain data. No behaviour beyond keeping its own invariants, no file formats: what a cache keeps derives serde's
+//! traits (`keep`).
 
 pub mod animation;
 pub mod blocker;
@@ -7,6 +8,8 @@ pub mod estimate;
 pub mod frame;
 pub mod image;
 pub mod imu;
+pub mod jpeg;
+pub mod keep;
 pub mod light;
 pub mod picture;
 pub mod pixels;

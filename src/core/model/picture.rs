@@ -45,7 +45,7 @@ pub enum PictureView {
 }
 
 impl PictureView {
-    /// All.
+    /// In the order of the names that `from_name` knows.
     pub const ALL: [Self; 11] = [
         Self::Light,
         Self::Direct,
@@ -71,7 +71,7 @@ impl PictureView {
         Self::ALL.iter().zip(Self::NAMES).find(|(view, _)| **view == self).map_or("final", |(_, name)| name)
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().zip(Self::NAMES).find(|(_, n)| *n == name).map(|(view, _)| view)
     }

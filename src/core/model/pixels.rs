@@ -19,7 +19,7 @@ pub enum BayerOrder {
 }
 
 impl BayerOrder {
-    /// All.
+    /// Each of them once.
     pub const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
 
     /// The channel (0 red, 1 green, 2 blue) of the pixel at a column and a row.
@@ -52,7 +52,7 @@ pub enum BayerDepth {
 }
 
 impl BayerDepth {
-    /// All.
+    /// Each of them once.
     pub const ALL: [Self; 6] =
         [Self::Bits8, Self::Bits10, Self::Bits10Packed, Self::Bits12, Self::Bits12Packed, Self::Bits16];
 
@@ -178,7 +178,7 @@ pub enum PixelError {
     /// Rows would overlap.
     #[error("{format:?}, {width} pixels wide: the stride is {stride} bytes, must be at least {least}")]
     Stride {
-        /// The format.
+        /// What the bytes are said to be.
         format: PixelFormat,
         /// Columns.
         width: usize,
@@ -190,7 +190,7 @@ pub enum PixelError {
     /// Not enough bytes.
     #[error("{format:?}, {width} x {height}: {length} bytes were given, must be at least {least}")]
     Length {
-        /// The format.
+        /// What the bytes are said to be.
         format: PixelFormat,
         /// Columns.
         width: usize,

@@ -31,7 +31,7 @@ impl SplitKind {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Compact, Self::Paper, Self::Bounded, Self::Sh].into_iter().find(|k| k.name() == name)
     }
@@ -59,7 +59,7 @@ impl SelfShadow {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Openness, Self::Transfer].into_iter().find(|k| k.name() == name)
     }
@@ -87,7 +87,7 @@ impl SoftAt {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Pixel, Self::Vertex].into_iter().find(|k| k.name() == name)
     }
@@ -115,7 +115,7 @@ impl Effects {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::CalledFor, Self::All].into_iter().find(|k| k.name() == name)
     }
@@ -143,7 +143,7 @@ impl NearForm {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Ratio, Self::Ldr].into_iter().find(|k| k.name() == name)
     }

@@ -27,7 +27,7 @@ pub struct TagPlacement {
     pub world_from_tag: Pose,
 }
 
-/// The rig.
+/// What is known of the set-up before the first frame: camera, tags, ball.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     /// The camera's lens.

@@ -3,9 +3,10 @@
 //! which the corners run counter-clockwise; a back reflects and sends out nothing, but hides what lies behind it.
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// A flat face: indices into its surface's corners, counter-clockwise seen from the front.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Face {
     /// Three corners.
     Triangle([u32; 3]),
@@ -31,7 +32,7 @@ pub struct RoomSurface {
     pub name: String,
     /// Corners of the faces, world frame, metres.
     pub corners_world: Vec<Vec3>,
-    /// Its faces.
+    /// Triangles and quads; indices into the corners.
     pub faces: Vec<Face>,
     /// Diffuse reflectance, linear RGB within [0, 1).
     pub reflectance_rgb: [f32; 3],
@@ -48,7 +49,7 @@ pub struct Room {
 }
 
 /// A light at infinity that shines into a room through some of its surfaces: the sun behind a window, [Gib03]'s limit.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoomSun {
     /// Unit vector towards it, world frame.
     pub to_light_world: [f32; 3],
@@ -63,7 +64,7 @@ pub struct RoomSun {
 }
 
 /// A small flat piece of a room's surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Patch {
     /// Indices into [`RoomPatches::vertices`], counter-clockwise seen from the front; of a triangle the last is the third
     /// again.
@@ -100,7 +101,7 @@ impl Patch {
 }
 
 /// A corner of patches, where light is gathered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PatchVertex {
     /// World frame, metres.
     pub position_world: Vec3,
@@ -112,7 +113,7 @@ pub struct PatchVertex {
 }
 
 /// A room divided into patches. Patches of one surface that lie in one plane share their vertices.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoomPatches {
     /// Corners of the patches.
     pub vertices: Vec<PatchVertex>,

@@ -23,7 +23,7 @@ pub enum Material {
     },
     /// Perfect mirror.
     Mirror {
-        /// Reflectance.
+        /// Share of each channel that is thrown back, 0 to 1.
         reflectance_rgb: [f32; 3],
     },
 }
@@ -41,7 +41,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A virtual object.
+/// A mesh with one material, and where it stands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualObject {
     /// Unique in its scene.

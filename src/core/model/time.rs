@@ -8,7 +8,7 @@ impl Timestamp {
     /// Later than all times.
     pub const NEVER: Self = Self(i64::MAX);
 
-    /// From seconds.
+    /// Rounds to whole nanoseconds; what does not fit is cut to the ends of the range.
     pub fn from_seconds(seconds: f64) -> Self {
         Self((seconds * 1e9).round() as i64)
     }

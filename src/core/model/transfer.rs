@@ -15,7 +15,7 @@ pub struct ObjectTransfer {
     pub blocked: Vec<f16>,
 }
 
-/// Of a scene.
+/// Of all objects of a scene that never move.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneTransfer {
     /// Order n of the rows; light of a lower order uses the first of each.

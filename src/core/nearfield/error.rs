@@ -8,9 +8,9 @@ pub enum RoomError {
     /// A setting outside of its range.
     #[error("room.{setting} = {value}: must be {allowed}")]
     Setting {
-        /// Its name.
+        /// The setting's name in the scene file's `[room]`.
         setting: &'static str,
-        /// As given.
+        /// The value as it was given.
         value: String,
         /// What it may be.
         allowed: &'static str,
@@ -20,9 +20,9 @@ pub enum RoomError {
         "room: {surfaces} surfaces without one usable face ({dropped} faces left out for want of area or finite corners): give it geometry"
     )]
     NoFaces {
-        /// Surfaces given.
+        /// Surfaces that the room has.
         surfaces: usize,
-        /// Faces left out.
+        /// Faces left out, for want of area or of finite corners.
         dropped: usize,
     },
     /// Nothing shines: no shadow can be drawn.

@@ -5,7 +5,7 @@ use super::{
     error::RoomError,
     octree::Octree,
     packed::{BLOCK, BlockSums, Transfers, unpack},
-    sent::{Ends, Sent},
+    sent::{Ends, Sent, SentInput},
     sets::budget_threshold,
     shaft::Aabb,
     shafts::ShaftHierarchy,
@@ -42,14 +42,14 @@ impl Default for Preparation {
     }
 }
 
-/// What was built.
+/// Sizes of what was built, and what it leaves out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FieldReport {
-    /// Patches.
+    /// Patches that the room was divided into.
     pub patches: usize,
-    /// Vertices.
+    /// Corners of patches, at which light is gathered.
     pub vertices: usize,
-    /// Faces left out.
+    /// Faces of the room that became no patch.
     pub dropped_faces: usize,
     /// Patches that reflect: receivers.
     pub receivers: usize,
@@ -70,7 +70,7 @@ pub struct FieldReport {
     pub neglected_worst: f32,
     /// Shafts between single sources and leaves of receivers.
     pub leaf_shafts: usize,
-    /// All shafts.
+    /// Shafts of all levels, those of leaves included.
     pub shafts: usize,
     /// Bytes of the shafts.
     pub shaft_bytes: usize,
@@ -94,7 +94,7 @@ pub struct NearField {
     pub receivers: Vec<u32>,
     /// The tree over them.
     pub octree: Octree,
-    /// The shafts.
+    /// Shafts from nodes of the source tree to nodes of the octree.
     pub shafts: ShaftHierarchy,
     /// For each vertex the sum over all patches of L F V: times the diffuse reflectance it is the radiance that leaves
     /// there (the model's own, for the ratio form).
@@ -120,7 +120,8 @@ impl NearField {
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Self, RoomError> {
         let ends = Ends::of(&patches, how)?;
-        let sent = Sent::find(room, &patches, &ends, how, &|share| progress(SENT_SHARE * share));
+        let input = SentInput { room, patches: &patches, ends: &ends, how };
+        let sent = Sent::find(&input, &|share| progress(SENT_SHARE * share));
         Ok(Self::of(patches, ends, sent, how, progress))
     }
 

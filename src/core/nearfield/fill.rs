@@ -27,7 +27,7 @@ const LIFT: f32 = 1e-4;
 /// How a surface makes light of what it gathers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Makes {
-    /// Reflects it.
+    /// Reflects this share of it.
     Reflects([f32; 3]),
     /// Shines of itself: unseen parts are like the nearest seen ones.
     Shines,

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 /// What is smaller counts as nothing: a source in the receiver's plane gives rounding noise of either sign.
 pub const SMALLEST: f64 = 1e-7;
-/// Corners at most.
+/// Most corners of a polygon.
 pub const MAX_CORNERS: usize = 4;
 /// A polygon is seen edge-on where the point is nearer to its plane than this share of its size.
 const EDGE_ON: f64 = 1e-7;

@@ -192,7 +192,7 @@ impl NearFrame {
         self.parts.get(k * self.vertices + vertex as usize).copied().unwrap_or(SeenPart::WHOLE)
     }
 
-    /// The shadow maps.
+    /// Shadow maps of all lights, in the order of [`NearFrame::lights`].
     pub fn maps(&self) -> &PointMaps {
         &self.maps
     }
@@ -217,7 +217,7 @@ impl NearFrame {
         &self.casters
     }
 
-    /// Their boxes.
+    /// Boxes around the objects' stand-ins, world frame.
     pub fn boxes(&self) -> &[Aabb] {
         &self.boxes
     }

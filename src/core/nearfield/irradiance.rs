@@ -2,7 +2,7 @@
 //! virtual objects (Section 7.3 of [Gib03], its irradiance volume). Between the places the light is mixed by distance and by
 //! what each of them sees, so that none leaks through a wall.
 
-use super::{field::NearField, transfer::Statics};
+use super::{field::NearField, sent::what_hides, transfer::Statics};
 use crate::{
     math::{
         color, octahedral,
@@ -10,16 +10,16 @@ use crate::{
         sphere::triangle_solid_angle,
     },
     model::{
+        keep::{KeptInput, as_bytes},
         light::RadianceSh,
         room::{Patch, Room, RoomPatches},
     },
 };
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Belongs to what [`IrradianceVolume::build`] gives: another number where the same input gives something else.
-pub const VERSION: u32 = 1;
 /// Places at most; a finer grid is made coarser.
 pub const MOST_PLACES: usize = 4096;
 /// Texels a side of what a place knows of the distances around it.
@@ -46,7 +46,7 @@ impl Default for VolumeSettings {
 
 /// One place of the grid.
 #[derive(Clone, Debug, PartialEq)]
-struct Place {
+struct GridPlace {
     light: RadianceSh,
     /// Mean distance and mean squared distance to the room, texel by texel of the octahedral square.
     distances: [[f32; 2]; DISTANCES_SIDE * DISTANCES_SIDE],
@@ -54,16 +54,106 @@ struct Place {
 }
 
 /// The light of a room on a grid.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(into = "FlatVolume", try_from = "FlatVolume")]
 pub struct IrradianceVolume {
     /// The first place, and the step between places.
     first: Vec3,
     spacing_m: f32,
     counts: [usize; 3],
-    places: Vec<Place>,
+    places: Vec<GridPlace>,
     order: usize,
     /// For each band: what makes irradiance over pi of radiance.
     lambert: [f32; MAX_ORDER],
+}
+
+/// The same as lists of plain numbers.
+#[derive(Serialize, Deserialize)]
+struct FlatVolume {
+    first: [f32; 3],
+    spacing_m: f32,
+    counts: [usize; 3],
+    order: usize,
+    /// Place by place: whether it is inside (1 or 0), distances, light.
+    #[serde(with = "as_bytes")]
+    places: Vec<f32>,
+}
+
+impl From<IrradianceVolume> for FlatVolume {
+    fn from(volume: IrradianceVolume) -> Self {
+        let IrradianceVolume { first, spacing_m, counts, order, .. } = volume;
+        let mut places = Vec::with_capacity(volume.places.len() * numbers_a_place(order));
+        for place in &volume.places {
+            places.push(if place.is_inside { 1.0 } else { 0.0 });
+            places.extend_from_slice(place.distances.as_flattened());
+            places.extend_from_slice(place.light.rows().as_flattened());
+        }
+        Self { first: first.to_array(), spacing_m, counts, order, places }
+    }
+}
+
+impl TryFrom<FlatVolume> for IrradianceVolume {
+    type Error = &'static str;
+
+    fn try_from(flat: FlatVolume) -> Result<Self, Self::Error> {
+        let FlatVolume { first, spacing_m, counts, order, places } = flat;
+        if !(2..=MAX_ORDER).contains(&order) {
+            return Err("an SH order of 2 to 6");
+        }
+        let total = counts.iter().try_fold(1usize, |product, n| product.checked_mul(*n));
+        let (each, distances_end) = (numbers_a_place(order), 1 + 2 * DISTANCES_SIDE * DISTANCES_SIDE);
+        if total.and_then(|n| n.checked_mul(each)) != Some(places.len()) {
+            return Err("as many places as the grid has");
+        }
+        let place = |numbers: &[f32]| {
+            let mut place = GridPlace {
+                light: RadianceSh::zero(order),
+                distances: [[0.0; 2]; DISTANCES_SIDE * DISTANCES_SIDE],
+                is_inside: numbers[0] != 0.0,
+            };
+            place.distances.as_flattened_mut().copy_from_slice(&numbers[1..distances_end]);
+            place.light.rgb.as_flattened_mut()[..each - distances_end]
+                .copy_from_slice(&numbers[distances_end..]);
+            place
+        };
+        let places = places.chunks_exact(each).map(place).collect();
+        let (first, lambert) = (Vec3::from_array(first), lambert(order));
+        Ok(Self { first, spacing_m, counts, places, order, lambert })
+    }
+}
+
+/// What [`IrradianceVolume::build`] is given.
+pub struct VolumeInput<'a> {
+    /// The room, whose faces hide one another.
+    pub room: &'a Room,
+    /// Its patches, and the light that arrives at their corners.
+    pub field: &'a NearField,
+    /// Spacing of the grid and order of its light.
+    pub how: &'a VolumeSettings,
+}
+
+impl KeptInput for VolumeInput<'_> {
+    const KIND: &'static str = "volume";
+    const VERSION: u32 = 2;
+    type Output = IrradianceVolume;
+
+    fn hashed(&self) -> impl Serialize {
+        let NearField { patches, gathered_rgb, .. } = self.field;
+        (what_hides(self.room), patches, gathered_rgb, self.how.spacing_m, self.how.order)
+    }
+
+    fn accepts(&self, volume: &IrradianceVolume) -> bool {
+        let grid = IrradianceVolume::laid(&self.field.patches, self.how);
+        let of = |v: &IrradianceVolume| (v.first, v.spacing_m, v.counts, v.order);
+        of(volume) == of(&grid)
+    }
+}
+
+/// For each band of radiance what makes irradiance over pi of it.
+fn lambert(order: usize) -> [f32; MAX_ORDER] {
+    let mut z = [0.0f64; MAX_ORDER];
+    zonal::lambert(order, &mut z);
+    std::array::from_fn(|l| ((4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * z[l]) as f32)
 }
 
 impl IrradianceVolume {
@@ -113,46 +203,7 @@ impl IrradianceVolume {
         // The grid's middle is the room's.
         let span = Vec3::from_array(counts.map(|n| (n - 1) as f32)) * spacing_m;
         let first = low.midpoint(high) - 0.5 * span;
-        let mut z = [0.0f64; MAX_ORDER];
-        zonal::lambert(order, &mut z);
-        let lambert =
-            std::array::from_fn(|l| ((4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * z[l]) as f32);
-        Self { first, spacing_m, counts, places: Vec::new(), order, lambert }
-    }
-
-    /// All that it has learnt of the room, place by place, to be kept.
-    pub fn numbers(&self) -> Vec<f32> {
-        let mut out = Vec::with_capacity(self.places.len() * numbers_a_place(self.order));
-        for place in &self.places {
-            out.push(if place.is_inside { 1.0 } else { 0.0 });
-            out.extend_from_slice(place.distances.as_flattened());
-            out.extend_from_slice(place.light.rows().as_flattened());
-        }
-        out
-    }
-
-    /// The volume that `numbers` are of, which was built for the same patches and settings; `None` where there are too few or
-    /// too many.
-    pub fn from_numbers(patches: &RoomPatches, how: &VolumeSettings, numbers: &[f32]) -> Option<Self> {
-        let mut volume = Self::laid(patches, how);
-        let (total, each) = (volume.counts.iter().product::<usize>(), numbers_a_place(volume.order));
-        if numbers.len() != total * each {
-            return None;
-        }
-        volume.places.reserve_exact(total);
-        for numbers in numbers.chunks_exact(each) {
-            let (is_inside, rest) = numbers.split_first()?;
-            let (distances, rows) = rest.split_at_checked(2 * DISTANCES_SIDE * DISTANCES_SIDE)?;
-            let mut place = Place {
-                light: RadianceSh::zero(volume.order),
-                distances: [[0.0; 2]; DISTANCES_SIDE * DISTANCES_SIDE],
-                is_inside: *is_inside != 0.0,
-            };
-            place.distances.as_flattened_mut().copy_from_slice(distances);
-            place.light.rgb.as_flattened_mut().get_mut(..rows.len())?.copy_from_slice(rows);
-            volume.places.push(place);
-        }
-        Some(volume)
+        Self { first, spacing_m, counts, places: Vec::new(), order, lambert: lambert(order) }
     }
 
     /// SH order of its light.
@@ -199,7 +250,7 @@ impl IrradianceVolume {
     }
 
     /// Gives the places around a point with weights of sum 1.
-    fn mix(&self, point: Vec3, mut add: impl FnMut(&Place, f32)) {
+    fn mix(&self, point: Vec3, mut add: impl FnMut(&GridPlace, f32)) {
         if self.places.is_empty() || !point.is_finite() {
             return;
         }
@@ -238,7 +289,7 @@ impl IrradianceVolume {
     }
 }
 
-impl Place {
+impl GridPlace {
     /// How far a place is to be believed about a point `to` away from it: the share of its distances in that direction that
     /// are as far, bounded from their mean and variance (Chebyshev), cubed against leaks.
     fn sees(&self, to: Vec3) -> f32 {
@@ -285,8 +336,8 @@ fn gather(
     shining: &[(usize, [f32; 3])],
     at: Vec3,
     order: usize,
-) -> Place {
-    let mut place = Place {
+) -> GridPlace {
+    let mut place = GridPlace {
         light: RadianceSh::zero(order),
         distances: [[0.0; 2]; DISTANCES_SIDE * DISTANCES_SIDE],
         is_inside: true,

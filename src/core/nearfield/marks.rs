@@ -83,7 +83,7 @@ fn reaches(axis: &DVec3, half_angle: f64, to: DVec3, radius: f64) -> bool {
 
 /// A shaft, and how many of the objects may reach into it.
 #[derive(Clone, Copy, Debug)]
-struct Open {
+struct OpenShaft {
     source: u32,
     receiver: u32,
     candidates: u32,
@@ -101,7 +101,7 @@ pub struct Marks {
     vertices: Vec<u32>,
     objects: Vec<Aabb>,
     /// Shafts to look at.
-    stack: Vec<Open>,
+    stack: Vec<OpenShaft>,
     /// How many sources below each node of the source tree, and leaves below each of the octree, may still be marked.
     sources_left: Vec<u32>,
     leaves_left: Vec<u32>,
@@ -121,7 +121,7 @@ impl Marks {
             self.open(field, view, 0, 0, self.objects.len() as u32);
         }
         let nodes = field.octree.nodes();
-        while let Some(Open { source, receiver, candidates }) = self.stack.pop() {
+        while let Some(OpenShaft { source, receiver, candidates }) = self.stack.pop() {
             // All that it could mark is marked.
             if self.sources_left[source as usize] == 0 && self.leaves_left[receiver as usize] == 0 {
                 continue;
@@ -187,7 +187,7 @@ impl Marks {
     fn open(&mut self, field: &NearField, view: Option<&View>, source: u32, receiver: u32, candidates: u32) {
         let seen = view.is_none_or(|v| v.nodes.get(receiver as usize).is_some_and(|n| *n));
         if seen && field.shafts.has(source, receiver) {
-            self.stack.push(Open { source, receiver, candidates });
+            self.stack.push(OpenShaft { source, receiver, candidates });
         }
     }
 

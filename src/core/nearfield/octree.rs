@@ -17,7 +17,7 @@ pub struct OctreeNode {
     pub children: u32,
     /// How many children: 2 to 8, or 0.
     pub child_count: u32,
-    /// First item.
+    /// First item, in the octree's own order.
     pub begin: u32,
     /// One past the last item.
     pub end: u32,
@@ -86,7 +86,7 @@ impl Octree {
         &self.order
     }
 
-    /// A node's items.
+    /// Indices of the boxes below a node.
     pub fn items(&self, node: &OctreeNode) -> &[u32] {
         &self.order[node.begin as usize..node.end as usize]
     }

@@ -1,6 +1,7 @@
 //! Transfers in 16 bits each: numbers within [0, 1], and all sources' rows of them in blocks of vertices.
 
-use crate::math::widest::widest;
+use crate::{math::widest::widest, model::keep::as_bytes};
+use serde::{Deserialize, Serialize};
 
 /// Vertices of a block.
 pub const BLOCK: usize = 32;
@@ -26,7 +27,7 @@ pub fn unpack(code: u16) -> f32 {
 
 /// T = F V of every source at every vertex: for each source the blocks of consecutive vertices at any of which it is
 /// not zero.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Transfers {
     /// Words of the bits of one source.
     words: usize,
@@ -34,6 +35,7 @@ pub struct Transfers {
     bits: Vec<u64>,
     /// For each source its first block in `values`.
     first: Vec<u32>,
+    #[serde(with = "as_bytes")]
     values: Vec<[u16; BLOCK]>,
 }
 
@@ -118,34 +120,26 @@ impl Transfers {
         out
     }
 
-    /// Bits of the blocks that each source has, 64 a word and the same number of words each; where each source's blocks begin;
-    /// all blocks.
-    pub fn parts(&self) -> (&[u64], &[u32], &[[u16; BLOCK]]) {
-        (&self.bits, &self.first, &self.values)
-    }
-
-    /// Of its parts, for so many vertices; `None` where they do not fit together.
-    pub fn from_parts(
-        vertices: usize,
-        bits: Vec<u64>,
-        first: Vec<u32>,
-        values: Vec<[u16; BLOCK]>,
-    ) -> Option<Self> {
-        let words = if first.is_empty() { 0 } else { words(vertices) };
-        if bits.len() != first.len().checked_mul(words)? {
-            return None;
+    /// Whether its parts fit together, for so many sources and vertices: what was read from a file may be anything.
+    pub fn is_sound(&self, sources: usize, vertices: usize) -> bool {
+        let (words, blocks) = (if sources == 0 { 0 } else { words(vertices) }, vertices.div_ceil(BLOCK));
+        if self.words != words
+            || self.first.len() != sources
+            || Some(self.bits.len()) != sources.checked_mul(words)
+        {
+            return false;
         }
-        let blocks = vertices.div_ceil(BLOCK);
         let mut begin = 0u32;
-        for (row, first) in bits.chunks(words.max(1)).zip(&first) {
+        for (row, first) in self.bits.chunks(words.max(1)).zip(&self.first) {
             let beyond =
                 row.last().is_some_and(|last| !blocks.is_multiple_of(64) && last >> (blocks % 64) != 0);
-            if *first != begin || beyond {
-                return None;
+            let held: u32 = row.iter().map(|word| word.count_ones()).sum();
+            match begin.checked_add(held) {
+                Some(next) if *first == begin && !beyond => begin = next,
+                _ => return false,
             }
-            begin = begin.checked_add(row.iter().map(|word| word.count_ones()).sum())?;
         }
-        (begin as usize == values.len()).then_some(Self { words, bits, first, values })
+        begin as usize == self.values.len()
     }
 
     /// First vertex and values of each block of a source, in order; the last block's may reach past the last vertex.
@@ -265,10 +259,8 @@ mod tests {
             let mut sums = BlockSums::default();
             let every: Vec<u32> = (0..count as u32).collect();
             let (mut dense, mut out) = (vec![1.0; count], vec![[9.0; 3]; count]);
-            let (bits, first, values) = all.parts();
-            let again = |vertices| Transfers::from_parts(vertices, bits.to_vec(), first.to_vec(), values.to_vec());
-            prop_assert_eq!(&again(count).unwrap_or_default(), &all);
-            prop_assert_eq!(again(count + 64 * BLOCK), None);
+            prop_assert!(all.is_sound(rows.len(), count));
+            prop_assert!(!all.is_sound(rows.len(), count + 64 * BLOCK) && !all.is_sound(rows.len() + 1, count));
             for (source, row) in rows.iter().enumerate() {
                 all.dense(source, &mut dense);
                 for (i, value) in row.iter().enumerate() {
@@ -295,15 +287,16 @@ mod tests {
     #[test]
     fn parts_that_do_not_fit_are_refused() {
         let all = Transfers::of(&[PackedRow::from_dense(&[0.5; 70]), PackedRow::from_dense(&[0.0; 70])]);
-        let (bits, first, values) = (vec![0b111, 0], vec![0, 3], vec![[1u16; BLOCK]; 3]);
-        assert_eq!(all.parts().0, &bits[..]);
-        let of = |bits: &[u64], first: &[u32], blocks: usize| {
-            Transfers::from_parts(70, bits.to_vec(), first.to_vec(), values[..blocks].to_vec())
+        assert_eq!((&all.bits[..], &all.first[..], all.values.len()), (&[0b111, 0][..], &[0, 3][..], 3));
+        let is_sound = |change: &dyn Fn(&mut Transfers)| {
+            let mut changed = all.clone();
+            change(&mut changed);
+            changed.is_sound(2, 70)
         };
-        assert!(of(&bits, &first, 3).is_some());
-        assert!(of(&bits, &first, 2).is_none() && of(&bits, &[0, 2], 3).is_none());
-        assert!(of(&bits[..1], &first, 3).is_none() && of(&[0b1110, 0], &first, 3).is_none());
-        assert!(of(&[], &[], 0).is_some());
+        assert!(is_sound(&|_| ()));
+        assert!(!is_sound(&|t| t.values.truncate(2)) && !is_sound(&|t| t.first[1] = 2));
+        assert!(!is_sound(&|t| t.bits.truncate(1)) && !is_sound(&|t| t.bits[0] = 0b1110));
+        assert!(!is_sound(&|t| t.words = 0) && Transfers::default().is_sound(0, 70));
     }
 
     #[test]

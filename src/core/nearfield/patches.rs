@@ -59,7 +59,7 @@ pub struct SurfacePoint {
 
 /// A patch to be.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct PatchPiece {
     corners: [DVec3; 4],
     count: usize,
     normal: DVec3,
@@ -71,18 +71,18 @@ struct Piece {
     error: f64,
 }
 
-impl PartialEq for Piece {
+impl PartialEq for PatchPiece {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
-impl Eq for Piece {}
-impl PartialOrd for Piece {
+impl Eq for PatchPiece {}
+impl PartialOrd for PatchPiece {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Piece {
+impl Ord for PatchPiece {
     fn cmp(&self, other: &Self) -> Ordering {
         // Of equals the earlier one.
         self.error.total_cmp(&other.error).then(other.order.cmp(&self.order))
@@ -118,7 +118,7 @@ pub fn subdivide(
     if faces.is_empty() {
         return Err(RoomError::NoFaces { surfaces: room.surfaces.len(), dropped: dropped_faces });
     }
-    let sample = |piece: Piece, order: u32| examine(piece, order, room, radiance);
+    let sample = |piece: PatchPiece, order: u32| examine(piece, order, room, radiance);
     let total: f64 = faces.iter().map(area).sum();
     let first = how.patches as f64 * (1.0 - f64::from(how.refined) - f64::from(how.edges));
     let size = (total / first.max(1.0)).sqrt();
@@ -131,14 +131,15 @@ pub fn subdivide(
         order += 1;
         order
     };
-    let mut queue: BinaryHeap<Piece> = pieces.into_iter().map(|p| sample(p, next())).collect();
+    let mut queue: BinaryHeap<PatchPiece> = pieces.into_iter().map(|p| sample(p, next())).collect();
     let for_edges = (how.patches as f64 * f64::from(how.edges)) as usize;
     halve_worst(&mut queue, how.patches - for_edges, |half| sample(half, next()));
     if for_edges > 0 {
         let mut lit = queue.into_vec();
         lit.sort_unstable_by_key(|p| (p.surface, p.order));
         let edges = edges_of(room, &lit, diagonal);
-        let judged = |piece: Piece| Piece { error: edge_error(&edges, room, &piece, size), ..piece };
+        let judged =
+            |piece: PatchPiece| PatchPiece { error: edge_error(&edges, room, &piece, size), ..piece };
         queue = lit.into_par_iter().map(judged).collect::<Vec<_>>().into();
         halve_worst(&mut queue, how.patches, |half| judged(sample(half, next())));
     }
@@ -148,7 +149,11 @@ pub fn subdivide(
 }
 
 /// Halves the piece of largest error until there are `count`, or no error is left.
-fn halve_worst(queue: &mut BinaryHeap<Piece>, count: usize, mut examined: impl FnMut(Piece) -> Piece) {
+fn halve_worst(
+    queue: &mut BinaryHeap<PatchPiece>,
+    count: usize,
+    mut examined: impl FnMut(PatchPiece) -> PatchPiece,
+) {
     while queue.len() < count {
         if queue.peek().is_none_or(|worst| !(worst.error > 0.0)) {
             break;
@@ -161,8 +166,8 @@ fn halve_worst(queue: &mut BinaryHeap<Piece>, count: usize, mut examined: impl F
 }
 
 /// The judge of shadow edges, from what shines.
-fn edges_of(room: &Room, pieces: &[Piece], diagonal: f64) -> ShadowEdges {
-    let shine = |p: &Piece| {
+fn edges_of(room: &Room, pieces: &[PatchPiece], diagonal: f64) -> ShadowEdges {
+    let shine = |p: &PatchPiece| {
         let luminance = f64::from(color::luminance(p.radiance));
         (centroid(p), p.normal, area(p) * luminance, luminance)
     };
@@ -174,12 +179,12 @@ fn edges_of(room: &Room, pieces: &[Piece], diagonal: f64) -> ShadowEdges {
     edges
 }
 
-fn reflects(room: &Room, piece: &Piece) -> bool {
+fn reflects(room: &Room, piece: &PatchPiece) -> bool {
     room.surfaces[piece.surface as usize].reflectance_rgb.iter().any(|c| *c > 0.0)
 }
 
 /// 0 where nothing is reflected, and where the piece is small enough for any edge.
-fn edge_error(edges: &ShadowEdges, room: &Room, piece: &Piece, size: f64) -> f64 {
+fn edge_error(edges: &ShadowEdges, room: &Room, piece: &PatchPiece, size: f64) -> f64 {
     let area = area(piece);
     if !reflects(room, piece) || area < (FINEST_EDGE * size).powi(2) {
         return 0.0;
@@ -188,7 +193,7 @@ fn edge_error(edges: &ShadowEdges, room: &Room, piece: &Piece, size: f64) -> f64
 }
 
 /// Faces with an area, as pieces; how many were left out; the room's diagonal.
-fn usable_faces(room: &Room) -> (Vec<Piece>, usize, f64) {
+fn usable_faces(room: &Room) -> (Vec<PatchPiece>, usize, f64) {
     let corners = room.surfaces.iter().flat_map(|s| &s.corners_world).filter(|p| p.is_finite());
     let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     let diagonal = if low.is_finite() { low.as_dvec3().distance(high.as_dvec3()) } else { 0.0 };
@@ -199,7 +204,7 @@ fn usable_faces(room: &Room) -> (Vec<Piece>, usize, f64) {
             let found: Vec<DVec3> = face.corners().iter().filter_map(corner).map(|p| p.as_dvec3()).collect();
             let before = faces.len();
             if found.len() == face.corners().len() {
-                let piece = |corners: [DVec3; 4], count| Piece {
+                let piece = |corners: [DVec3; 4], count| PatchPiece {
                     corners,
                     count,
                     normal: DVec3::ZERO,
@@ -246,23 +251,23 @@ fn is_flat_and_convex(corners: &[DVec3]) -> bool {
     flat && (0..4).all(|i| turn(i).dot(whole) > 1e-9 * whole.length_squared())
 }
 
-fn double_area_vector(piece: &Piece) -> DVec3 {
+fn double_area_vector(piece: &PatchPiece) -> DVec3 {
     let [a, b, c, d] = piece.corners;
     (b - a).cross(c - a) + (c - a).cross(d - a)
 }
 
-fn area(piece: &Piece) -> f64 {
+fn area(piece: &PatchPiece) -> f64 {
     0.5 * double_area_vector(piece).length()
 }
 
 /// Place within a piece: u from the side 3-0 to the side 1-2, v from the side 0-1 on.
-fn place(piece: &Piece, u: f64, v: f64) -> DVec3 {
+fn place(piece: &PatchPiece, u: f64, v: f64) -> DVec3 {
     let [a, b, c, d] = piece.corners;
     a.lerp(b, u).lerp(d.lerp(c, u), v)
 }
 
 /// Equal parts of about `size` metres a side.
-fn cut_evenly(face: &Piece, size: f64, out: &mut Vec<Piece>) {
+fn cut_evenly(face: &PatchPiece, size: f64, out: &mut Vec<PatchPiece>) {
     let parts = |length: f64| ((length / size).round() as usize).clamp(1, MAX_PATCHES);
     let [a, b, c, d] = face.corners;
     if face.count == 4 {
@@ -272,7 +277,7 @@ fn cut_evenly(face: &Piece, size: f64, out: &mut Vec<Piece>) {
             for i in 0..columns {
                 let at = |i: usize, j: usize| place(face, i as f64 / columns as f64, j as f64 / rows as f64);
                 let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-                out.push(Piece { corners, ..*face });
+                out.push(PatchPiece { corners, ..*face });
             }
         }
         return;
@@ -290,9 +295,9 @@ fn cut_evenly(face: &Piece, size: f64, out: &mut Vec<Piece>) {
 }
 
 /// Cut through the middles of the longer sides; a triangle through the middle of its longest.
-fn halves(piece: &Piece) -> [Piece; 2] {
+fn halves(piece: &PatchPiece) -> [PatchPiece; 2] {
     let [a, b, c, d] = piece.corners;
-    let with = |corners| Piece { corners, ..*piece };
+    let with = |corners| PatchPiece { corners, ..*piece };
     if piece.count == 4 {
         return if a.distance(b) + d.distance(c) >= b.distance(c) + a.distance(d) {
             let (low, high) = (a.midpoint(b), d.midpoint(c));
@@ -317,11 +322,11 @@ fn halves(piece: &Piece) -> [Piece; 2] {
 
 /// Nine places: the middle, and half way and nearly all the way to the corners.
 fn examine(
-    mut piece: Piece,
+    mut piece: PatchPiece,
     order: u32,
     room: &Room,
     radiance: &dyn Fn(&SurfacePoint) -> Option<[f32; 3]>,
-) -> Piece {
+) -> PatchPiece {
     let centre = centroid(&piece);
     let corners = &piece.corners[..piece.count];
     let places = [0.5, 0.95].into_iter().flat_map(|t| corners.iter().map(move |c| centre.lerp(*c, t)));
@@ -354,7 +359,7 @@ fn examine(
     piece
 }
 
-fn centroid(piece: &Piece) -> DVec3 {
+fn centroid(piece: &PatchPiece) -> DVec3 {
     let [a, b, c, d] = piece.corners;
     let weight = |p: DVec3, q: DVec3| (p - a).cross(q - a).dot(piece.normal);
     let (first, second) = (weight(b, c), weight(c, d));
@@ -363,7 +368,7 @@ fn centroid(piece: &Piece) -> DVec3 {
 }
 
 /// Shares vertices and fills in what each patch says of itself.
-fn assemble(room: &Room, pieces: &[Piece], diagonal: f64, dropped_faces: usize) -> RoomPatches {
+fn assemble(room: &Room, pieces: &[PatchPiece], diagonal: f64, dropped_faces: usize) -> RoomPatches {
     let mut known: HashMap<(u32, [i64; 3], [i64; 3]), u32> = HashMap::new();
     let mut out = RoomPatches { dropped_faces, ..RoomPatches::default() };
     let mut inwards: Vec<(DVec3, f64)> = Vec::new();

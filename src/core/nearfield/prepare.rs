@@ -1,34 +1,37 @@
-//! From a room and its light to a room that is known: patches with radiance and reflectance, transfers, suns.
+//! From a room and its light to a room that is known. Each step takes the values of the steps before it and gives one:
+//!
+//! `map_probe` -> patches, suns | `Ends::of` -> sources, receivers | `Sent::find` -> what arrives where |
+//! `NearField::of` -> hierarchies | `IrradianceVolume::build` -> the light everywhere | `measure_reflectance`
+//!
+//! [`prepare_kept`] is the only place that knows their order; what is kept from run to run passes through its keeper.
 
 use super::{
     error::RoomError,
     faces::Faces,
     field::{NearField, Preparation},
-    irradiance::{IrradianceVolume, VolumeSettings},
+    irradiance::{IrradianceVolume, VolumeInput, VolumeSettings},
     patches::{MAX_PATCHES, Subdivision, subdivide},
-    probe::{Mapped, Probe, ProbeReport, map_probe},
+    probe::{MappedInput, Probe, ProbeReport, map_probe},
     reflectance::{ReflectanceReport, measure_reflectance},
-    sent::{Ends, Sent},
+    sent::{Ends, Sent, SentInput},
     suns::sun_at_vertices,
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
     model::{
         image::RadianceImage,
-        light::EnvironmentMap,
-        room::{Face, Room, RoomPatches, RoomSun},
+        keep::{Keeper, KeepsNothing},
+        room::{Face, Room, RoomSun},
     },
 };
-use glam::{DMat3, Vec3};
+use glam::Vec3;
 
 /// Smallest and largest patch that may be asked for, metres.
 pub const PATCH_SIZES_M: (f32, f32) = (0.005, 10.0);
-/// Share of the progress that mapping the light takes.
-const LIGHT_SHARE: f32 = 0.2;
-/// Share of the progress when it is known what all sources send.
+/// Shares of the progress at whose end the light is mapped, sent light known, the hierarchies built.
+const MAPPED_BY: f32 = 0.3;
 const SENT_BY: f32 = 0.7;
-/// Share of the rest that hierarchies take.
-const FIELD_SHARE: f32 = 0.3;
+const FIELD_BY: f32 = 0.8;
 
 /// How a room is prepared.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,18 +56,7 @@ pub enum RoomLight<'a> {
     /// From the room itself: what its surfaces emit, and nothing else.
     Given,
     /// Measured by a probe: an HDR picture of the whole sphere, taken at a known place in the room.
-    Probe {
-        /// The picture.
-        map: &'a EnvironmentMap,
-        /// Turns the map's axes (`light::maps`) into the world's.
-        world_from_map: DMat3,
-        /// Where it was taken, world frame, metres.
-        position_world: Vec3,
-        /// Whether small strong lights far beyond its texels become suns (see [`RoomSun`]).
-        factor_sun: bool,
-    },
-    /// From a probe that was mapped onto the same room before, by `probe::map_probe`.
-    Mapped(&'a Mapped),
+    Probe(Probe<'a>),
 }
 
 /// A linear picture of the room without virtual objects.
@@ -72,7 +64,7 @@ pub enum RoomLight<'a> {
 pub struct CameraPicture<'a> {
     /// Radiance, of the lens's size.
     pub radiance: &'a RadianceImage,
-    /// The camera's lens.
+    /// Lens of the camera that took it.
     pub lens: Lens,
     /// Where it was taken from.
     pub world_from_camera: Pose,
@@ -80,7 +72,7 @@ pub struct CameraPicture<'a> {
 
 /// A room made ready for shadows.
 pub struct KnownRoom {
-    /// As given.
+    /// The room as it was given.
     pub room: Room,
     /// Patches, sources, transfers and shafts.
     pub field: NearField,
@@ -93,7 +85,7 @@ pub struct KnownRoom {
     pub sun_rgb: Vec<[f32; 3]>,
     /// For each patch whether its reflectance was measured by the camera; else it is its surface's.
     pub reflectance_measured: Vec<bool>,
-    /// What was done.
+    /// Its area, patches, and what became of measured light.
     pub report: RoomReport,
 }
 
@@ -111,7 +103,7 @@ impl std::fmt::Debug for KnownRoom {
 pub struct RoomReport {
     /// Area of all faces, square metres.
     pub area_m2: f32,
-    /// Patches asked for.
+    /// Patches that the settings ask for.
     pub patches_wanted: usize,
     /// What became of the probe's light; `None` where light is given.
     pub probe: Option<ProbeReport>,
@@ -119,85 +111,10 @@ pub struct RoomReport {
     pub reflectance: Option<ReflectanceReport>,
 }
 
-/// A room with its light, not made ready yet.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LitRoom {
-    /// As given.
-    pub room: Room,
-    /// Divided, with what each patch sends out.
-    pub patches: RoomPatches,
-    /// Suns that shine in.
-    pub suns: Vec<RoomSun>,
-    /// What was done.
-    pub report: RoomReport,
-}
-
-impl LitRoom {
-    /// Divides a room and gives its patches their light. `progress` as for [`prepare`].
-    ///
-    /// # Errors
-    /// A setting out of range; no face that has an area; a probe that is not in the room, or whose picture has the wrong
-    /// shape.
-    pub fn new(
-        room: Room,
-        how: &RoomSettings,
-        light: RoomLight<'_>,
-        progress: &(dyn Fn(f32) + Sync),
-    ) -> Result<Self, RoomError> {
-        let (area_m2, subdivision) = (area_m2(&room), subdivision(&room, how)?);
-        let (patches, suns, probe) = match light {
-            RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
-            RoomLight::Probe { map, world_from_map, position_world, factor_sun } => {
-                let probe = Probe { map, world_from_map, position_world, factor_sun };
-                let Mapped { patches, suns, report } = map_probe(&room, &subdivision, &probe, progress)?;
-                (patches, suns, Some(report))
-            }
-            RoomLight::Mapped(mapped) => {
-                (mapped.patches.clone(), mapped.suns.clone(), Some(mapped.report.clone()))
-            }
-        };
-        progress(1.0);
-        let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
-        Ok(Self { room, patches, suns, report })
-    }
-
-    /// Makes it ready, of what its sources send (`Sent::find`, or kept of the same room and settings); `volume`: its light
-    /// everywhere, kept of the same, or else it is gathered now. `progress` as for [`prepare`].
-    ///
-    /// # Errors
-    /// A camera's picture that is not of its lens's size.
-    pub fn ready(
-        self,
-        (ends, sent): (Ends, Sent),
-        volume: Option<IrradianceVolume>,
-        how: &RoomSettings,
-        camera: Option<&CameraPicture<'_>>,
-        progress: &(dyn Fn(f32) + Sync),
-    ) -> Result<KnownRoom, RoomError> {
-        let Self { room, patches, suns, report } = self;
-        let field =
-            NearField::of(patches, ends, sent, &how.preparation, &|share| progress(FIELD_SHARE * share));
-        let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
-        let reflectance_measured = vec![false; field.patches.patches.len()];
-        let volume = volume.unwrap_or_else(|| {
-            let by = |share: f32| progress(FIELD_SHARE + (1.0 - FIELD_SHARE) * share);
-            IrradianceVolume::build(&room, &field, &VolumeSettings::default(), &by)
-        });
-        let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
-        if let Some(camera) = camera {
-            known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
-        }
-        progress(1.0);
-        Ok(known)
-    }
-}
-
-/// Makes a room ready. `progress` is told the share done, 0 to 1, from several threads, in no strict order. The result
-/// does not depend on the number of threads.
+/// Makes a room ready, and keeps nothing; all else as [`prepare_kept`].
 ///
 /// # Errors
-/// A setting out of range; no face that has an area; no patch with a radiance above zero; none that reflects; a probe
-/// that is not in the room, or whose picture has the wrong shape; a camera's picture that is not of its lens's size.
+/// As [`prepare_kept`].
 pub fn prepare(
     room: Room,
     how: &RoomSettings,
@@ -205,20 +122,55 @@ pub fn prepare(
     camera: Option<&CameraPicture<'_>>,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<KnownRoom, RoomError> {
-    let lit = LitRoom::new(room, how, light, &|share| progress(LIGHT_SHARE * share))?;
-    let ends = Ends::of(&lit.patches, &how.preparation)?;
-    let sent = Sent::find(&lit.room, &lit.patches, &ends, &how.preparation, &|share| {
-        progress(LIGHT_SHARE + (SENT_BY - LIGHT_SHARE) * share);
-    });
-    lit.ready((ends, sent), None, how, camera, &|share| progress(SENT_BY + (1.0 - SENT_BY) * share))
+    prepare_kept(room, how, light, camera, &KeepsNothing, progress)
 }
 
-/// How a room is divided by its settings.
+/// Makes a room ready: its light mapped onto patches, what those send one another, the light everywhere. `keeper` is asked for
+/// each of the three before it is computed. `progress` is told the share done, 0 to 1, from several threads, in no strict
+/// order. The result does not depend on the number of threads, nor on what was kept.
 ///
 /// # Errors
-/// A patch size out of range.
-pub fn subdivision(room: &Room, how: &RoomSettings) -> Result<Subdivision, RoomError> {
-    Ok(Subdivision { patches: patch_count(how, area_m2(room))?, ..Subdivision::default() })
+/// A setting out of range; no face that has an area; no patch with a radiance above zero; none that reflects; a probe
+/// that is not in the room, or whose picture has the wrong shape; a camera's picture that is not of its lens's size.
+pub fn prepare_kept(
+    room: Room,
+    how: &RoomSettings,
+    light: RoomLight<'_>,
+    camera: Option<&CameraPicture<'_>>,
+    keeper: &impl Keeper,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<KnownRoom, RoomError> {
+    let area_m2 = area_m2(&room);
+    let subdivision = Subdivision { patches: patch_count(how, area_m2)?, ..Subdivision::default() };
+    let (patches, suns, probe) = match light {
+        RoomLight::Given => (subdivide(&room, &subdivision, &|_| None)?, Vec::new(), None),
+        RoomLight::Probe(probe) => {
+            let input = MappedInput { room: &room, subdivision: &subdivision, probe: &probe };
+            let begun = |share: f32| progress(MAPPED_BY * share);
+            let mapped = keeper.keep(&input, || map_probe(&room, &subdivision, &probe, &begun))?;
+            (mapped.patches, mapped.suns, Some(mapped.report))
+        }
+    };
+    progress(MAPPED_BY);
+    let ends = Ends::of(&patches, &how.preparation)?;
+    let input = SentInput { room: &room, patches: &patches, ends: &ends, how: &how.preparation };
+    let begun = |share: f32| progress(MAPPED_BY + (SENT_BY - MAPPED_BY) * share);
+    let sent = keeper.keep(&input, || Ok(Sent::find(&input, &begun)))?;
+    progress(SENT_BY);
+    let begun = |share: f32| progress(SENT_BY + (FIELD_BY - SENT_BY) * share);
+    let field = NearField::of(patches, ends, sent, &how.preparation, &begun);
+    let input = VolumeInput { room: &room, field: &field, how: &VolumeSettings::default() };
+    let begun = |share: f32| progress(FIELD_BY + (1.0 - FIELD_BY) * share);
+    let volume = keeper.keep(&input, || Ok(IrradianceVolume::build(&room, &field, input.how, &begun)))?;
+    let sun_rgb = sun_at_vertices(&suns, &Faces::of_room(&room), &field.patches);
+    let reflectance_measured = vec![false; field.patches.patches.len()];
+    let report = RoomReport { area_m2, patches_wanted: subdivision.patches, probe, reflectance: None };
+    let mut known = KnownRoom { room, field, volume, suns, sun_rgb, reflectance_measured, report };
+    if let Some(camera) = camera {
+        known.report.reflectance = Some(measure_reflectance(&mut known, camera)?);
+    }
+    progress(1.0);
+    Ok(known)
 }
 
 fn patch_count(how: &RoomSettings, area_m2: f32) -> Result<usize, RoomError> {

@@ -9,6 +9,7 @@ use super::{
     faces::Faces,
     fill::fill_unseen,
     patches::{Subdivision, SurfacePoint, subdivide},
+    sent::what_hides,
     suns::take_suns,
 };
 use crate::{
@@ -16,12 +17,14 @@ use crate::{
     math::{sphere, spiral::turn_f32},
     model::{
         image::RadianceImage,
+        keep::KeptInput,
         light::{EnvironmentMap, MapLayout, RadianceSamples},
-        room::{Room, RoomPatches, RoomSun},
+        room::{Patch, Room, RoomPatches, RoomSun},
     },
 };
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
 /// Directions that tell whether the probe is in the room.
@@ -44,10 +47,10 @@ const LOOKUP_ROWS: usize = 180;
 /// Rays are dealt out in so many lots, whatever the threads.
 const LOTS: usize = 64;
 
-/// A probe.
+/// An HDR picture of the whole sphere, and where it was taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Probe<'a> {
-    /// The picture.
+    /// Radiance of all directions.
     pub map: &'a EnvironmentMap,
     /// Turns the map's axes (`light::maps`) into the world's.
     pub world_from_map: DMat3,
@@ -58,7 +61,7 @@ pub struct Probe<'a> {
 }
 
 /// What became of the probe's light. Flux is the integral of radiance over solid angle.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProbeReport {
     /// Flux of the whole picture, linear RGB.
     pub flux_rgb: [f64; 3],
@@ -80,11 +83,8 @@ pub struct ProbeReport {
     pub damaged_texels: u32,
 }
 
-/// Another number: other results from the same input. Part of the key under which they are kept.
-pub const VERSION: u32 = 1;
-
 /// Patches with the probe's radiance, suns, and what became of the light.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mapped {
     /// Divided more finely where radiance changes.
     pub patches: RoomPatches,
@@ -92,6 +92,49 @@ pub struct Mapped {
     pub suns: Vec<RoomSun>,
     /// What became of the light.
     pub report: ProbeReport,
+}
+
+/// What [`map_probe`] is given.
+#[derive(Clone, Copy, Debug)]
+pub struct MappedInput<'a> {
+    /// The room that the probe was taken in.
+    pub room: &'a Room,
+    /// How it is divided.
+    pub subdivision: &'a Subdivision,
+    /// What is mapped onto its patches.
+    pub probe: &'a Probe<'a>,
+}
+
+impl KeptInput for MappedInput<'_> {
+    const KIND: &'static str = "room";
+    const VERSION: u32 = 1;
+    type Output = Mapped;
+
+    fn hashed(&self) -> impl Serialize {
+        let Probe { map, world_from_map, position_world, factor_sun } = self.probe;
+        let light = self.room.surfaces.iter().map(|s| (s.reflectance_rgb, s.emitted_rgb));
+        let layout = match map.layout {
+            MapLayout::Equirect => 0u8,
+            MapLayout::Angular => 1,
+            MapLayout::Cube => 2,
+        };
+        let picture = (layout, map.radiance.width(), map.radiance.height(), map.radiance.pixels());
+        let how = self.subdivision;
+        (
+            (what_hides(self.room), light.collect::<Vec<_>>(), how.patches, how.refined, how.edges),
+            (picture, world_from_map.to_cols_array(), position_world.to_array(), *factor_sun),
+        )
+    }
+
+    fn accepts(&self, mapped: &Mapped) -> bool {
+        let RoomPatches { vertices, patches, .. } = &mapped.patches;
+        let surfaces = self.room.surfaces.len();
+        let patch_fits = |p: &Patch| {
+            (p.surface as usize) < surfaces && p.corners.iter().all(|&i| (i as usize) < vertices.len())
+        };
+        let within = |i: &u32| (*i as usize) < surfaces;
+        patches.iter().all(patch_fits) && mapped.suns.iter().all(|sun| sun.apertures.iter().all(within))
+    }
 }
 
 /// Divides a room and maps a probe onto it. `progress` is told the share done, 0 to 1.
@@ -230,7 +273,7 @@ fn mean_of(picture: &RadianceImage, corners: &[Vec3; 4], probe: Vec3) -> [f32; 3
 
 /// What met a patch.
 #[derive(Clone, Copy, Debug, Default)]
-struct Met {
+struct MetPatch {
     flux_rgb: [f64; 3],
     solid_angle_sr: f64,
     rays: u32,
@@ -238,7 +281,7 @@ struct Met {
 
 #[derive(Default)]
 struct Shower {
-    met: Vec<Met>,
+    met: Vec<MetPatch>,
     backs_sr: f64,
     nothing_sr: f64,
 }
@@ -253,7 +296,7 @@ fn shower(samples: &RadianceSamples, patches: &Faces, at: Vec3, count: usize) ->
         .par_chunks(per_lot)
         .zip(samples.radiance.par_chunks(per_lot))
         .map(|(directions, radiance)| {
-            let mut lot = Shower { met: vec![Met::default(); count], ..Shower::default() };
+            let mut lot = Shower { met: vec![MetPatch::default(); count], ..Shower::default() };
             for (d, c) in directions.iter().zip(radiance) {
                 let middle = Vec3::new(d[0], d[1], d[2]);
                 let (across, along) = middle.any_orthonormal_pair();
@@ -277,7 +320,7 @@ fn shower(samples: &RadianceSamples, patches: &Faces, at: Vec3, count: usize) ->
         })
         .collect();
     // In the order of the lots.
-    let mut sum = Shower { met: vec![Met::default(); count], ..Shower::default() };
+    let mut sum = Shower { met: vec![MetPatch::default(); count], ..Shower::default() };
     for lot in lots {
         for (sum, met) in sum.met.iter_mut().zip(lot.met) {
             (0..3).for_each(|c| sum.flux_rgb[c] += met.flux_rgb[c]);

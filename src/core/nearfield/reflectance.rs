@@ -29,7 +29,7 @@ const LEAST_LIGHT: f32 = 1e-3;
 pub struct ReflectanceReport {
     /// Pixels that met a patch that may be measured.
     pub pixels: usize,
-    /// Patches measured.
+    /// Patches whose reflectance was measured.
     pub measured: usize,
     /// Of these the ones of which a channel was beyond the bounds.
     pub bounded: usize,

@@ -13,15 +13,16 @@ use super::{
 };
 use crate::{
     math::color,
-    model::room::{Patch, PatchVertex, Room, RoomPatches},
+    model::{
+        keep::KeptInput,
+        room::{Face, Patch, PatchVertex, Room, RoomPatches},
+    },
     sources::tree::SourceTree,
 };
 use glam::Vec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Belongs to what [`Sent::find`] gives: another number where the same input gives something else.
-pub const VERSION: u32 = 1;
 
 /// Share of the progress that the transfers of the set take.
 const TRANSFERS_SHARE: f32 = 0.9;
@@ -40,7 +41,7 @@ pub struct Source {
     pub normal_world: Vec3,
     /// Its radiance, linear RGB.
     pub radiance_rgb: [f32; 3],
-    /// Its luminance.
+    /// Luminance of `radiance_rgb`.
     pub luminance: f32,
 }
 
@@ -102,7 +103,7 @@ impl Ends {
 }
 
 /// What arrives where, as rays found it; a part of the field, and all of it that takes long.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sent {
     /// T = F V of each source at every vertex.
     pub transfers: Transfers,
@@ -112,16 +113,47 @@ pub struct Sent {
     pub rest_rgb: Vec<[f32; 3]>,
 }
 
+/// What [`Sent::find`] is given.
+#[derive(Clone, Copy, Debug)]
+pub struct SentInput<'a> {
+    /// The room, whose faces hide one another.
+    pub room: &'a Room,
+    /// What the room was divided into, with its light.
+    pub patches: &'a RoomPatches,
+    /// Sources and receivers of these patches, which follow from them and from `how`.
+    pub ends: &'a Ends,
+    /// Share of the power and number of rays.
+    pub how: &'a Preparation,
+}
+
+impl KeptInput for SentInput<'_> {
+    const KIND: &'static str = "transfers";
+    const VERSION: u32 = 2;
+    type Output = Sent;
+
+    fn hashed(&self) -> impl Serialize {
+        let Preparation { power_share, rays_side, neglected: _ } = self.how;
+        (what_hides(self.room), self.patches, power_share, rays_side)
+    }
+
+    fn accepts(&self, sent: &Sent) -> bool {
+        let (sources, vertices) = (self.ends.sources.len(), self.patches.vertices.len());
+        sent.transfers.is_sound(sources, vertices)
+            && sent.sums.is_sound(sources, self.ends.octree.nodes().len())
+            && sent.rest_rgb.len() == vertices
+    }
+}
+
+/// A room as far as rays meet it: names and light change nothing.
+pub(super) fn what_hides(room: &Room) -> Vec<(&[Vec3], &[Face])> {
+    room.surfaces.iter().map(|s| (&s.corners_world[..], &s.faces[..])).collect()
+}
+
 impl Sent {
     /// Casts the rays; the room's own faces hide one another. `progress` is told the share done, 0 to 1, from several threads,
     /// in no strict order. The result does not depend on threads.
-    pub fn find(
-        room: &Room,
-        patches: &RoomPatches,
-        ends: &Ends,
-        how: &Preparation,
-        progress: &(dyn Fn(f32) + Sync),
-    ) -> Self {
+    pub fn find(input: &SentInput<'_>, progress: &(dyn Fn(f32) + Sync)) -> Self {
+        let SentInput { room, patches, ends, how } = *input;
         let Ends { set, sources, receivers, octree, receiving, .. } = ends;
         let statics = Statics::new(room);
         let done = AtomicUsize::new(0);

@@ -3,7 +3,7 @@
 
 use crate::{math::color, model::room::Patch};
 
-/// The source set.
+/// The patches whose shadows are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceSet {
     /// Indices of patches, brightest radiance first.

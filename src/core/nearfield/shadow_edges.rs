@@ -20,7 +20,7 @@ struct Light {
     spread_m2: f64,
 }
 
-/// Judges patches.
+/// Tells how far interpolation over a patch is off where shadows end.
 pub struct ShadowEdges {
     statics: Statics,
     lights: Vec<Light>,

@@ -5,14 +5,14 @@ use glam::Vec3;
 /// An axis-aligned box, world frame, metres; flat ones and points are fine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Least corner.
+    /// Corner of the least coordinates.
     pub low: Vec3,
-    /// Greatest corner.
+    /// Corner of the greatest coordinates.
     pub high: Vec3,
 }
 
 impl Aabb {
-    /// Contains nothing.
+    /// A box that contains nothing; joined with another it gives that one.
     pub const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
     /// The smallest box around points.
@@ -25,7 +25,7 @@ impl Aabb {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Middle.
+    /// The point half way between both corners.
     pub fn centre(&self) -> Vec3 {
         self.low.midpoint(self.high)
     }

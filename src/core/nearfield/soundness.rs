@@ -25,7 +25,7 @@ pub struct Soundness {
     pub without_area: usize,
     /// Edges that belong to one face only. Edges that meet another's middle count, and so does the rim of a lone lamp.
     pub open_edges: usize,
-    /// Their length, metres.
+    /// Length of the open edges together, metres.
     pub open_m: f32,
     /// Share of the area whose front sees nothing of the room while its back does: 1 for a room whose faces are turned over,
     /// and for a box seen from outside.
@@ -34,7 +34,7 @@ pub struct Soundness {
     pub outward: Vec<u32>,
 }
 
-struct Flat {
+struct FlatFace {
     corners: Vec<DVec3>,
     surface: u32,
     area: f64,
@@ -84,7 +84,7 @@ pub fn examine(room: &Room) -> Soundness {
     found
 }
 
-fn flat(corners_world: &[Vec3], face: &Face, surface: u32, diagonal: f64) -> Option<Flat> {
+fn flat(corners_world: &[Vec3], face: &Face, surface: u32, diagonal: f64) -> Option<FlatFace> {
     let corner = |i: &u32| corners_world.get(*i as usize).filter(|p| p.is_finite()).map(|p| p.as_dvec3());
     let corners: Vec<DVec3> = face.corners().iter().map(corner).collect::<Option<_>>()?;
     let twice: DVec3 =
@@ -92,7 +92,7 @@ fn flat(corners_world: &[Vec3], face: &Face, surface: u32, diagonal: f64) -> Opt
     let area = 0.5 * twice.length();
     let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
     let normal = twice.as_vec3().normalize_or_zero();
-    (area > NO_AREA * diagonal * diagonal).then(|| Flat {
+    (area > NO_AREA * diagonal * diagonal).then(|| FlatFace {
         corners,
         surface,
         area,
@@ -102,11 +102,11 @@ fn flat(corners_world: &[Vec3], face: &Face, surface: u32, diagonal: f64) -> Opt
 }
 
 /// Edges of one face alone, and their length.
-fn open_edges(flats: &[Flat], diagonal: f64) -> (usize, f32) {
-    type Place = [i64; 3];
+fn open_edges(flats: &[FlatFace], diagonal: f64) -> (usize, f32) {
+    type CornerKey = [i64; 3];
     let step = (diagonal * SAME_CORNER).max(f64::MIN_POSITIVE);
-    let place = |p: DVec3| -> Place { (p / step).round().to_array().map(|c| c as i64) };
-    let mut edges: HashMap<(Place, Place), (u32, f64)> = HashMap::new();
+    let place = |p: DVec3| -> CornerKey { (p / step).round().to_array().map(|c| c as i64) };
+    let mut edges: HashMap<(CornerKey, CornerKey), (u32, f64)> = HashMap::new();
     for flat in flats {
         for (k, &p) in flat.corners.iter().enumerate() {
             let q = flat.corners[(k + 1) % flat.corners.len()];

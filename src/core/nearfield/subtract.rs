@@ -17,11 +17,11 @@ pub const TINY_LIGHT: f32 = 1e-12;
 /// Everything that the pixels of one frame share.
 #[derive(Clone, Copy)]
 pub struct SubtractFrame<'a> {
-    /// The room.
+    /// Light that arrives at the room's corners, and who sends it.
     pub field: &'a NearField,
     /// Its lights in this frame, drawn and listed.
     pub frame: &'a NearFrame,
-    /// Its suns.
+    /// Suns that shine in, with the room's own shadows.
     pub suns: &'a SunShadows,
     /// The objects' maps under those suns that have one in this frame (`NearFrame::sun_maps`), in the suns' order.
     pub sun_shadows: &'a ShadowMaps,

@@ -39,7 +39,7 @@ pub struct DisplayCurve {
 }
 
 impl DisplayCurve {
-    /// Of a response.
+    /// The curve of a camera's response.
     pub fn of(response: &Response) -> Self {
         let exposures = response.log_exposure().map(|g| g.map(|x| f64::from(x).exp() as f32));
         Self { response: response.clone(), thresholds: response.thresholds(), exposures }
@@ -137,7 +137,7 @@ pub struct DisplayedFrame<'a> {
     pub with: SubtractFrame<'a>,
     /// The lights in their sets.
     pub lights: &'a DisplayedLights,
-    /// The display.
+    /// How the display makes values of light.
     pub curve: &'a DisplayCurve,
 }
 

@@ -6,16 +6,21 @@ use super::{
 };
 use crate::{
     math::widest::widest,
-    model::room::{Patch, RoomPatches},
+    model::{
+        keep::as_bytes,
+        room::{Patch, RoomPatches},
+    },
 };
+use serde::{Deserialize, Serialize};
 
 /// For each node of the octree and each source the mean of T over the node's receivers, by their area.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NodeSums {
     sources: usize,
     /// Area of each node's receivers, square metres.
     areas_m2: Vec<f32>,
-    /// Node by node.
+    /// Node by node, one for each source.
+    #[serde(with = "as_bytes")]
     means: Vec<u16>,
 }
 
@@ -49,18 +54,11 @@ impl NodeSums {
         sums.iter().zip(&areas).map(|(sum, area)| if *area > 0.0 { pack(sum / area) } else { 0 }).collect()
     }
 
-    /// Area of each node's receivers, square metres, and the means node by node.
-    pub fn parts(&self) -> (&[f32], &[u16]) {
-        (&self.areas_m2, &self.means)
-    }
-
-    /// Of its parts, for so many sources; `None` where they do not fit together.
-    pub fn from_parts(sources: usize, areas_m2: Vec<f32>, means: Vec<u16>) -> Option<Self> {
-        (Some(means.len()) == areas_m2.len().checked_mul(sources)).then_some(Self {
-            sources,
-            areas_m2,
-            means,
-        })
+    /// Whether its parts fit together, for so many sources and nodes: what was read from a file may be anything.
+    pub fn is_sound(&self, sources: usize, nodes: usize) -> bool {
+        self.sources == sources
+            && self.areas_m2.len() == nodes
+            && Some(self.means.len()) == nodes.checked_mul(sources)
     }
 
     /// Area of a node's receivers, square metres.

@@ -45,14 +45,14 @@ pub fn sun_blockers(room: &Room, sun: &RoomSun) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 /// A plane: a unit normal, and its product with a point of it.
-type Plane = (DVec3, f64);
+type ClipPlane = (DVec3, f64);
 
 /// The space behind a triangle, as far as the sun's rays through it go.
 struct Hole {
     /// Its sides, which contain the sun's direction; normals point in.
-    sides: [Plane; 3],
+    sides: [ClipPlane; 3],
     /// The triangle's own plane; its normal points to the sun.
-    front: Plane,
+    front: ClipPlane,
 }
 
 impl Hole {
@@ -62,7 +62,7 @@ impl Hole {
         let normal = (b - a).cross(c - a).try_normalize()?;
         let normal = if normal.dot(towards) < 0.0 { -normal } else { normal };
         let middle = (a + b + c) / 3.0;
-        let side = |from: DVec3, to: DVec3| -> Option<Plane> {
+        let side = |from: DVec3, to: DVec3| -> Option<ClipPlane> {
             let across = (to - from).cross(towards).try_normalize()?;
             let inwards = if across.dot(middle - from) < 0.0 { -across } else { across };
             Some((inwards, inwards.dot(from)))
@@ -92,7 +92,7 @@ impl Hole {
 }
 
 /// The part on the side of the plane's normal, and the other.
-fn split(outline: &[DVec3], &(normal, at): &Plane) -> (Vec<DVec3>, Vec<DVec3>) {
+fn split(outline: &[DVec3], &(normal, at): &ClipPlane) -> (Vec<DVec3>, Vec<DVec3>) {
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
     for (k, &p) in outline.iter().enumerate() {
         let q = outline[(k + 1) % outline.len()];

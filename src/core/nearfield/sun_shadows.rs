@@ -21,7 +21,7 @@ const BEFORE_TEXELS: f32 = 4.0;
 
 /// One sun of a room.
 #[derive(Clone, Debug)]
-struct Sun {
+struct ShadowedSun {
     light: HardLight,
     /// Depths of the room without the sun's apertures; drawn once.
     room: ShadowMaps,
@@ -30,7 +30,7 @@ struct Sun {
 /// The suns of a room and its own shadow under each.
 #[derive(Clone, Debug, Default)]
 pub struct SunShadows {
-    suns: Vec<Sun>,
+    suns: Vec<ShadowedSun>,
     sources: SunSources,
 }
 
@@ -48,7 +48,7 @@ impl SunShadows {
             let mut of_room = ShadowMaps::default();
             of_room.fit(&[light], &positions, &triangles, &Receivers::default(), texels, ROOM_TAPS);
             of_room.draw(&positions, &triangles);
-            Sun { light, room: of_room }
+            ShadowedSun { light, room: of_room }
         }));
         self.sources = SunSources::of(field, self);
     }

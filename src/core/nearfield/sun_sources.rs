@@ -27,7 +27,7 @@ const HELD: f32 = 0.05;
 
 /// What of a receiver a sun reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Lit {
+struct LitReceiver {
     /// Index into [`NearField::receivers`].
     receiver: u32,
     /// Its leaf of the octree.
@@ -45,7 +45,7 @@ pub struct SunSources {
     /// In the tree's order: unit vector towards each.
     towards: Vec<Vec3>,
     /// Receivers that each reaches.
-    lit: Vec<Vec<Lit>>,
+    lit: Vec<Vec<LitReceiver>>,
 }
 
 impl SunSources {
@@ -69,7 +69,7 @@ impl SunSources {
                 let (bounds, share) =
                     reached(field, patch, |p| suns.arrives_before(k, p, patch.normal_world))?;
                 let power = strength[k] * cosine * share * patch.area_m2;
-                Some(Lit { receiver, leaf, bounds, power })
+                Some(LitReceiver { receiver, leaf, bounds, power })
             });
             found.collect()
         });

@@ -66,7 +66,7 @@ pub fn take_suns(samples: &mut RadianceSamples, faces: &Faces, position_world: V
     suns
 }
 
-struct Found {
+struct FoundSun {
     sun: RoomSun,
     seed: Vec3,
     contrast: f32,
@@ -75,7 +75,7 @@ struct Found {
 }
 
 /// The cap about the brightest sample that is not near one that was refused.
-fn brightest(samples: &RadianceSamples, texel_rad: f32, refused: &[Vec3]) -> Option<Found> {
+fn brightest(samples: &RadianceSamples, texel_rad: f32, refused: &[Vec3]) -> Option<FoundSun> {
     let cap_rad = CAP_DEG.to_radians().max(CAP_TEXELS * texel_rad);
     let (cos_cap, cos_ring) = (cap_rad.cos(), (2.0 * cap_rad).cos());
     let direction = |d: &[f32; 4]| Vec3::new(d[0], d[1], d[2]);
@@ -127,7 +127,7 @@ fn brightest(samples: &RadianceSamples, texel_rad: f32, refused: &[Vec3]) -> Opt
             extent_rad,
             apertures: Vec::new(),
         };
-        found = Some(Found { sun, seed, contrast, left });
+        found = Some(FoundSun { sun, seed, contrast, left });
         centre = towards;
     }
     found

@@ -67,7 +67,7 @@ pub struct SourceOutline {
 }
 
 impl SourceOutline {
-    /// Of a patch.
+    /// A patch's outline, world frame.
     pub fn new(patches: &RoomPatches, patch: &Patch, seed: u32) -> Self {
         let (corners, count) = patches.outline_world(patch);
         Self {

@@ -21,14 +21,14 @@ pub enum Division {
     Turns,
 }
 
-/// The experiment.
+/// Sources that light a point, divided into two sets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Experiment {
     /// How many sources light the point.
     pub sources: usize,
     /// How strong they are.
     pub strengths: Strengths,
-    /// Their two sets.
+    /// Which sources are in the second set.
     pub division: Division,
     /// How often strengths are drawn anew.
     pub datasets: usize,
@@ -45,7 +45,7 @@ pub struct Off {
     pub hidden: usize,
     /// Mean of (by two sets) - (exact).
     pub mean: f64,
-    /// Its standard deviation.
+    /// Standard deviation of that difference.
     pub std: f64,
     /// Root of its mean square.
     pub rms: f64,

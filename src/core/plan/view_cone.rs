@@ -12,7 +12,7 @@ pub struct ViewCone {
 }
 
 impl ViewCone {
-    /// Of a camera.
+    /// What a camera with this lens and pose sees.
     pub fn new(lens: &Lens, world_from_camera: &Pose) -> Self {
         let (w, h) = (f64::from(lens.width), f64::from(lens.height));
         // The widest rays of a picture lie on its border.

@@ -27,7 +27,7 @@ const CENTRE_HELD: f32 = 0.8;
 /// One tree and what this frame says of its leaves, in the tree's own order.
 #[derive(Clone, Copy, Debug)]
 pub struct Marked<'a> {
-    /// The tree.
+    /// Whose leaves are marked.
     pub tree: &'a SourceTree,
     /// Light that each leaf sends to where shadows fall (irradiance, luminance); 0 for leaves that are not marked.
     pub light: &'a [f32],

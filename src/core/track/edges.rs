@@ -50,7 +50,7 @@ pub struct EdgeScratch {
     sorted: Vec<f64>,
 }
 
-/// Refined corners.
+/// Corners where the fitted edges meet, and how sure each is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefinedCorners {
     /// Continuous pixels, in the order of the input.

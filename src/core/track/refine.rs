@@ -24,7 +24,7 @@ pub type Matrix6<T = f64> = [[T; 6]; 6];
 /// A pose at a minimum of the reprojection error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined<T = f64> {
-    /// Object to camera.
+    /// Takes points of the object to the camera's frame, metres.
     pub camera_from_object: Rigid<T>,
     /// Root of the mean squared residual, over both coordinates of all points, pixels.
     pub rms_px: T,

@@ -22,7 +22,7 @@ const DISTINCT_RAD: f64 = 0.01;
 /// The camera in the world, as the tags of one picture tell it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigPose {
-    /// Camera to world.
+    /// Pose of the camera, metres: takes points of its frame to the world.
     pub world_from_camera: Pose,
     /// Root of the mean squared residual, over both coordinates of all corners that entered, pixels.
     pub rms_px: f64,

@@ -124,7 +124,7 @@ impl TrackState {
         }
     }
 
-    /// The rig.
+    /// What it was made with.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }

@@ -163,7 +163,7 @@ pub enum TagError {
     Option {
         /// Which.
         option: &'static str,
-        /// As given.
+        /// What stood there.
         given: String,
         /// What is allowed.
         allowed: &'static str,

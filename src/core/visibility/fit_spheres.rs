@@ -14,6 +14,7 @@ mod voxels;
 
 use glam::Vec3;
 use refine::{FoundSphere, refine, relocate};
+use serde::{Deserialize, Serialize};
 use voxels::Voxels;
 
 /// Fewest spheres that are fitted to an object by default rules.
@@ -24,16 +25,16 @@ pub const MAX_COUNT: usize = 64;
 pub const VERSION: u32 = 2;
 
 /// A sphere in the frame of its mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FittedSphere {
-    /// Centre.
+    /// In the units of the mesh.
     pub centre: Vec3,
     /// Above 0.
     pub radius: f32,
 }
 
 /// What `fit` found.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SphereFit {
     /// As many as were asked for (fewer only where the mesh is smaller than so many cubes).
     pub spheres: Vec<FittedSphere>,

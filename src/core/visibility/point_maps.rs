@@ -84,9 +84,9 @@ impl PointMaps {
 
     /// Draws the casters into every view, after [`Self::fit`]. Same result for any number of threads.
     ///
-    /// Every map gets its memory here, drawn or not. How many lights have a camera, and which of their views cut casters off,
-    /// changes with each last digit of the camera's pose: memory made at the first need was made at another frame on
-    /// another machine.
+    /// Every map gets its memory here, drawn or not. Which lights have a camera, and which of their views cut casters off at the
+    /// near plane, differs from frame to frame: memory made at the first need was made in the middle of a run (twenty
+    /// allocations in frame 28 of the recorded room on one machine; why it was another frame on others is not known).
     pub fn draw(&mut self, casters: &[Vec3], triangles: &[[u32; 3]]) {
         let Self { cameras, views, view_texels, maps } = self;
         let (cameras, views, view_texels) = (&*cameras, (*views).max(1), *view_texels);

@@ -3,7 +3,7 @@
 use super::messages::Time;
 use super::schema::{COMPRESSED_IMAGE, RAW_IMAGE};
 use super::wire::{WireField, WireWriter, fields};
-use crate::model::{image::Rgb8Image, time::Timestamp};
+use crate::model::{image::Rgb8Image, jpeg, time::Timestamp};
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, codecs};
 
 /// How pictures are stored.
@@ -92,6 +92,9 @@ pub fn read_image(schema: &str, message: &[u8]) -> Result<Rgb8Image, String> {
                     return Err(format!("format \"{name}\": must be jpeg or png"));
                 }
             };
+            if format == ImageFormat::Jpeg {
+                jpeg::is_whole(bytes(2))?;
+            }
             let picture = image::load_from_memory_with_format(bytes(2), format).map_err(|e| e.to_string())?;
             let picture = picture.into_rgb8();
             let (width, height) = (picture.width() as usize, picture.height() as usize);

@@ -47,13 +47,13 @@ impl Damage {
 /// One message of a known topic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Its topic.
+    /// Which stream it belongs to.
     pub topic: Topic,
     /// Name of its schema.
     pub schema: Arc<str>,
     /// Time in the file, nanoseconds.
     pub log_time: u64,
-    /// Its content.
+    /// As written, not decoded.
     pub content: Vec<u8>,
 }
 

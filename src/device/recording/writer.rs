@@ -32,11 +32,11 @@ pub struct Setup {
 /// What has been written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Written {
-    /// Frames.
+    /// How many were written.
     pub frames: u64,
     /// Inertial samples.
     pub imu_samples: u64,
-    /// Chunks.
+    /// Pieces that a reader can take by themselves.
     pub chunks: u64,
 }
 

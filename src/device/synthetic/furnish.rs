@@ -17,11 +17,11 @@ pub struct RoomPlan {
     pub groups: Vec<usize>,
     /// Index of the table's top.
     pub table: usize,
-    /// The lamp.
+    /// A small strong light.
     pub lamp: Lamp,
-    /// The window.
+    /// A wide light.
     pub window: Window,
-    /// The mirror ball.
+    /// Where it stands on the table, and how large it is.
     pub ball: MirrorBall,
 }
 

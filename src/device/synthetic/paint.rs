@@ -45,7 +45,7 @@ pub enum Paint {
     Pages,
     /// Glazed with a stripe at this share of the height.
     Glaze(DVec3, DVec3),
-    /// An apple.
+    /// Green to red.
     Apple,
     /// A striped curtain.
     Curtain,

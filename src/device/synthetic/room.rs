@@ -79,7 +79,7 @@ impl Solid {
 pub struct Lamp {
     /// Its middle.
     pub centre: DVec3,
-    /// Its radius.
+    /// Metres; above 0.
     pub radius: f64,
     /// Where it is aimed, unit.
     pub axis: DVec3,
@@ -156,7 +156,7 @@ pub struct Room {
     pub solids: Vec<Solid>,
     /// The lamp; one of the solids has its form.
     pub lamp: Lamp,
-    /// The window.
+    /// A wide light.
     pub window: Window,
     /// Solid and face of the table's top.
     pub table_top: (usize, usize),
@@ -214,7 +214,7 @@ impl Room {
         room
     }
 
-    /// The mirror ball.
+    /// Where it stands on the table, and how large it is.
     pub fn ball(&self) -> MirrorBall {
         self.ball_facts
     }

@@ -29,7 +29,7 @@ pub enum Shape {
         base: DVec3,
         /// Outer radius.
         radius: f64,
-        /// Height.
+        /// Metres.
         height: f64,
         /// Inner radius, height of the inner floor.
         hollow: Option<(f64, f64)>,
@@ -38,7 +38,7 @@ pub enum Shape {
     Sphere {
         /// Its middle.
         centre: DVec3,
-        /// Radius.
+        /// Metres; above 0.
         radius: f64,
     },
     /// A ring that stands upright, cut off inside an upright cylinder: the handle of a mug. One face.

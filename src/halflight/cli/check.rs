@@ -1,14 +1,19 @@
 //! `halflight check`: is a settings file sound?
 
-use super::{CliError, Common};
+use super::{CliError, GlobalOptions};
 use crate::config::{Settings, file, keys, manual, resolve};
 use std::path::PathBuf;
 
-/// Check a settings file (or a scene file) and print every mistake at once.
-///
-/// Example: halflight check my.toml
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+Check a settings file. Prints all mistakes at once.\n\n\
+Examples:\n\
+halflight check my.toml\n\
+halflight check --manual";
+
+/// Arguments of `halflight check`.
 #[derive(clap::Args, Debug)]
-pub struct Arguments {
+pub struct CheckArguments {
     /// Settings file.
     #[arg(required_unless_present = "manual")]
     config: Option<PathBuf>,
@@ -18,15 +23,15 @@ pub struct Arguments {
 }
 
 /// Runs `halflight check`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+pub fn run(arguments: CheckArguments, global: &GlobalOptions) -> Result<(), CliError> {
     if arguments.manual {
         print!("{}", manual::manual());
     }
     let Some(path) = arguments.config else { return Ok(()) };
     let read = file::read(&path).map_err(CliError)?;
     let typed = read.keys.len();
-    resolve(&path.display().to_string(), &read, &Settings::default()).map_err(|e| CliError(e.to_string()))?;
-    if common.json {
+    resolve(&path.display().to_string(), &read, &Settings::default())?;
+    if global.json {
         println!(
             "{}",
             serde_json::json!({ "file": path.display().to_string(), "keys": typed, "sound": true })

@@ -1,22 +1,22 @@
 //! `halflight devices`: what is at hand?
 
-use super::{CliError, Common};
+use super::{CliError, GlobalOptions};
 use crate::engine::gpu::{Backend, GpuEngine};
 use crate::engine::{Engine, cpu::CpuEngine};
 
-/// List the kinds of device that can be opened, and the engines with their adapters.
+/// Arguments of `halflight devices`.
 #[derive(clap::Args, Debug)]
-pub struct Arguments {}
+pub struct DevicesArguments {}
 
 /// Runs `halflight devices`.
-pub fn run(_arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let cpu = CpuEngine::new(common.threads).map_err(|e| CliError(e.to_string()))?;
+pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let cpu = CpuEngine::new(global.threads)?;
     let mut engines = vec![("cpu", Ok(cpu.description()))];
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
         engines
             .push((name, GpuEngine::new(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
-    if common.json {
+    if global.json {
         let engines: Vec<_> = engines
             .iter()
             .map(|(name, found)| match found {

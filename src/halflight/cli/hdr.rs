@@ -1,16 +1,16 @@
 //! `halflight hdr`: exposures of one view into one linear picture.
 
-use super::bracket::steady;
-use super::{CliError, Common};
+use super::output::{PictureFormat, write_file};
+use super::{CliError, GlobalOptions};
 use crate::{
     assets::pictures,
-    engine::Bracket,
     hdr::{
         attribute::{ExposureCheck, ExposureVerdict, Tolerance, check_exposures},
         black_level::{black_level, clip_black},
         merge_bracket::MAX_PICTURES,
         response::{Origin, SolveOptions, solve},
     },
+    lab::{digest::PixelDigest, open_exr::save_exr_f32, still::bracket::LoadedBracket},
     model::{
         frame::Exposure,
         image::{HdrImage, LOWER_BOUND, RadianceImage, Rgb8Image, UPPER_BOUND},
@@ -19,19 +19,20 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
-/// Merge exposures of one view into one HDR picture of linear radiance [DM97].
-///
-/// Radiance is in units of the response: solved, value 128 after 1 s is 1; srgb and gamma2.2, value 255 after 1 s
-/// is 1. Each picture's stated time is checked against its pixels; one that the pixels contradict is
-/// named in a warning and merged all the same.
-///
-/// Examples:
-///   halflight hdr --times 1/10,1/40,1/160 a.jpg b.jpg c.jpg --out room.exr
-///   halflight hdr --times-file image_list.txt --out room.hdr --save-response camera.json
-///   halflight hdr --times 0.004,0.016 --response camera.json a.png b.png --out room.png
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+Merge exposures of one view into one HDR picture of linear radiance [DM97].\n\n\
+The unit of radiance is that of the response. Solved: value 128 after 1 s is 1. srgb and gamma2.2: value 255 \
+after 1 s is 1. The stated time of each picture is checked against its pixels. A time that the pixels \
+contradict is named in a warning, and the picture is merged all the same.\n\n\
+Examples:\n\
+halflight hdr --times 1/10,1/40,1/160 a.jpg b.jpg c.jpg --out room.exr\n\
+halflight hdr --times-file image_list.txt --out room.hdr --save-response camera.json\n\
+halflight hdr --times 0.004,0.016 --response camera.json a.png b.png --out room.png";
+
+/// Arguments of `halflight hdr`.
 #[derive(clap::Args, Debug)]
-#[command(verbatim_doc_comment)]
-pub struct Arguments {
+pub struct HdrArguments {
     /// Exposure time of each picture in seconds, in order: 0.025 or 1/40, joined by commas (or apart, before the
     /// pictures). Gain counts as time: state the product where gains differ.
     #[arg(long, value_name = "S", num_args = 1.., conflicts_with = "times_file")]
@@ -68,76 +69,65 @@ pub struct Arguments {
 }
 
 /// Runs `halflight hdr`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let format = arguments.out.as_deref().map(output_format).transpose()?;
+///
+/// # Errors
+/// A mistake in the arguments; a picture or response that cannot be read; a file that cannot be written.
+pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let allowed = [PictureFormat::Exr, PictureFormat::Hdr, PictureFormat::Png];
+    let format = arguments.out.as_deref().map(|out| PictureFormat::of(out, &allowed)).transpose()?;
     let (files, times_s) = pair_up(&arguments)?;
-    let mut loaded = files
-        .iter()
-        .map(|file| pictures::load_rgb8(file).map_err(|e| CliError(e.to_string())))
-        .collect::<Result<Vec<Rgb8Image>, _>>()?;
-    check_sizes(&files, &loaded)?;
-    let exposures: Vec<Exposure> = times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
+    let pictures = files.iter().map(|file| pictures::load_rgb8(file)).collect::<Result<Vec<_>, _>>()?;
+    check_sizes(&files, &pictures)?;
+    let mut bracket = LoadedBracket::new(pictures, &times_s);
     // Fog at the dark end would be taken for light; where times are false, nothing can be said of it.
-    let plain = check_exposures(&refs(&loaded), &exposures, &Response::srgb(), Tolerance::GUESSED_RESPONSE);
-    let black =
-        if plain.sound() && !arguments.keep_black { black_level(&refs(&loaded), &exposures) } else { [0; 3] };
+    let srgb = Response::srgb();
+    let plain = check_exposures(&bracket.refs(), &bracket.exposures, &srgb, Tolerance::GUESSED_RESPONSE);
+    let black = match plain.sound() && !arguments.keep_black {
+        true => black_level(&bracket.refs(), &bracket.exposures),
+        false => [0; 3],
+    };
     if black != [0; 3] {
-        loaded.iter_mut().for_each(|picture| *picture = clip_black(picture, black));
+        bracket.pictures.iter_mut().for_each(|picture| *picture = clip_black(picture, black));
     }
     // What false times would make of the pictures cannot be compared.
     let moved = if plain.sound() && !arguments.no_align {
-        let first = choose_response(&arguments, &refs(&loaded), &exposures)?;
-        steady(&mut loaded, &exposures, &first.response)
+        let first = choose_response(&arguments, &bracket)?;
+        bracket.steady(&first.response)
     } else {
         Vec::new()
     };
-    let loaded = refs(&loaded);
-    let mut chosen = choose_response(&arguments, &loaded, &exposures)?;
+    let mut chosen = choose_response(&arguments, &bracket)?;
     chosen.warnings.extend(moved);
-    let check = check_exposures(&loaded, &exposures, &chosen.response, chosen.tolerance);
-    let mut engine = common.open_engine()?;
-    let mut merged = HdrImage::default();
-    engine
-        .merge_bracket(&Bracket { pictures: &loaded, exposures: &exposures }, &chosen.response, &mut merged)
-        .map_err(|e| CliError(e.to_string()))?;
-
+    let check = check_exposures(&bracket.refs(), &bracket.exposures, &chosen.response, chosen.tolerance);
+    let mut engine = global.open_engine()?;
+    let merged = bracket.merge(&chosen.response, engine.as_mut())?;
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match format {
-            Format::Exr => pictures::save_exr_f32(out, &merged.radiance),
-            Format::Hdr => pictures::save_hdr(out, &merged.radiance),
-            Format::Png => pictures::save_png(out, &display(&merged.radiance)),
-        }
-        .map_err(|e| CliError(e.to_string()))?;
+            PictureFormat::Exr => save_exr_f32(out, &merged.radiance),
+            PictureFormat::Hdr => pictures::save_hdr(out, &merged.radiance),
+            PictureFormat::Png => pictures::save_png(out, &display(&merged.radiance)),
+        }?;
     }
     if let Some(file) = &arguments.save_response {
-        let json = crate::assets::response::to_json(&chosen.response);
-        std::fs::write(file, json).map_err(|e| CliError::on(file.display(), e))?;
+        write_file(file, crate::assets::response::to_json(&chosen.response))?;
     }
-    report(&arguments, common, &files, &exposures, &chosen, &check, black, &merged, engine.description());
+    let done = Merged { files, exposures: bracket.exposures, chosen, check, black, merged };
+    report(&arguments, global, &done, &engine.description());
     Ok(())
 }
 
-fn refs(pictures: &[Rgb8Image]) -> Vec<&Rgb8Image> {
-    pictures.iter().collect()
-}
-
-enum Format {
-    Exr,
-    Hdr,
-    Png,
-}
-
-fn output_format(out: &Path) -> Result<Format, CliError> {
-    match out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("exr") => Ok(Format::Exr),
-        Some("hdr" | "pic") => Ok(Format::Hdr),
-        Some("png") => Ok(Format::Png),
-        _ => Err(CliError(format!("--out = {}: must end in .exr, .hdr or .png", out.display()))),
-    }
+/// Everything that was found.
+struct Merged {
+    files: Vec<PathBuf>,
+    exposures: Vec<Exposure>,
+    chosen: ChosenResponse,
+    check: ExposureCheck,
+    black: [u8; 3],
+    merged: HdrImage,
 }
 
 /// Seconds from `0.025` or `1/40`.
-fn seconds(text: &str) -> Option<f64> {
+pub fn exposure_time_s(text: &str) -> Option<f64> {
     let number = |part: &str| part.trim().parse::<f64>().ok();
     let time_s = match text.split_once('/') {
         Some((top, bottom)) => number(top)? / number(bottom)?,
@@ -147,17 +137,17 @@ fn seconds(text: &str) -> Option<f64> {
 }
 
 /// The pictures and their times.
-fn pair_up(arguments: &Arguments) -> Result<(Vec<PathBuf>, Vec<f64>), CliError> {
+fn pair_up(arguments: &HdrArguments) -> Result<(Vec<PathBuf>, Vec<f64>), CliError> {
     if let Some(list) = &arguments.times_file {
         return pair_by_list(list, &arguments.images);
     }
     // `--times 0.1 0.025 a.png b.png`: the first word that is no time begins the pictures.
     let is_times =
-        |word: &&String| word.contains(',') || seconds(word).is_some() || word.parse::<f64>().is_ok();
+        |word: &&String| word.contains(',') || exposure_time_s(word).is_some() || word.parse::<f64>().is_ok();
     let words = arguments.times.iter().take_while(is_times).count();
     let mut times_s = Vec::new();
     for text in arguments.times[..words].iter().flat_map(|word| word.split(',')) {
-        times_s.push(seconds(text).ok_or_else(|| {
+        times_s.push(exposure_time_s(text).ok_or_else(|| {
             CliError(format!(
                 "--times: {text:?} is no exposure time: must be seconds above 0 such as 0.025 or 1/40"
             ))
@@ -195,7 +185,7 @@ fn pair_by_list(list: &Path, images: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<f6
             continue;
         }
         let mut words = line.split_whitespace();
-        let (Some(name), Some(time_s)) = (words.next(), words.next().and_then(seconds)) else {
+        let (Some(name), Some(time_s)) = (words.next(), words.next().and_then(exposure_time_s)) else {
             return Err(CliError(format!(
                 "{} line {}: {line:?}: must be a file name and an exposure time in seconds",
                 list.display(),
@@ -248,7 +238,7 @@ fn check_sizes(files: &[PathBuf], loaded: &[Rgb8Image]) -> Result<(), CliError> 
 }
 
 /// A response, where it comes from, and how far it is to be trusted.
-struct Chosen {
+struct ChosenResponse {
     response: Response,
     /// `solved`, `srgb`, `gamma2.2` or `file`.
     kind: &'static str,
@@ -257,12 +247,8 @@ struct Chosen {
     tolerance: Tolerance,
 }
 
-fn choose_response(
-    arguments: &Arguments,
-    pictures: &[&Rgb8Image],
-    exposures: &[Exposure],
-) -> Result<Chosen, CliError> {
-    let guess = |response, kind| Chosen {
+fn choose_response(arguments: &HdrArguments, bracket: &LoadedBracket) -> Result<ChosenResponse, CliError> {
+    let guess = |response, kind| ChosenResponse {
         response,
         kind,
         why: "as asked".into(),
@@ -277,16 +263,16 @@ fn choose_response(
                 return Err(CliError(format!("--lambda = {}: must be above 0", arguments.lambda)));
             }
             let options = SolveOptions { lambda: arguments.lambda, ..SolveOptions::default() };
-            let recovered = solve(pictures, exposures, &options);
+            let recovered = solve(&bracket.refs(), &bracket.exposures, &options);
             Ok(match recovered.origin {
-                Origin::Solved { residual_rms } => Chosen {
+                Origin::Solved { residual_rms } => ChosenResponse {
                     response: recovered.response,
                     kind: "solved",
                     why: format!("solved from the pictures, rms {residual_rms:.3} in ln exposure"),
                     warnings: Vec::new(),
                     tolerance: Tolerance::KNOWN_RESPONSE,
                 },
-                Origin::Fallback { why } => Chosen {
+                Origin::Fallback { why } => ChosenResponse {
                     response: recovered.response,
                     kind: "srgb",
                     why: format!("the pictures cannot tell: {why}"),
@@ -299,7 +285,7 @@ fn choose_response(
             let response = load_response(Path::new(file))?;
             let why = format!("from {file}");
             let tolerance = Tolerance::KNOWN_RESPONSE;
-            Ok(Chosen { response, kind: "file", why, warnings: Vec::new(), tolerance })
+            Ok(ChosenResponse { response, kind: "file", why, warnings: Vec::new(), tolerance })
         }
     }
 }
@@ -317,7 +303,7 @@ fn load_response(file: &Path) -> Result<Response, CliError> {
             file.display()
         )));
     }
-    crate::assets::response::load(file).map_err(|e| CliError(e.to_string()))
+    Ok(crate::assets::response::load(file)?)
 }
 
 /// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.
@@ -357,57 +343,40 @@ const fn verdict_name(verdict: ExposureVerdict) -> &'static str {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "everything that was found, printed once")]
-fn report(
-    arguments: &Arguments,
-    common: &Common,
-    files: &[PathBuf],
-    exposures: &[Exposure],
-    chosen: &Chosen,
-    check: &ExposureCheck,
-    black: [u8; 3],
-    merged: &HdrImage,
-    engine: String,
-) {
-    let mut warnings = chosen.warnings.clone();
-    for (file, report) in files.iter().zip(check.reports()) {
+/// What a person must know before trusting the result.
+fn warnings(done: &Merged) -> Vec<String> {
+    let mut warnings = done.chosen.warnings.clone();
+    for (file, report) in done.files.iter().zip(done.check.reports()) {
         if let (ExposureVerdict::Contradicted, Some(other)) = (report.verdict, report.against) {
             warnings.push(format!(
                 "{}: stated {:.4} x the exposure of {}, but its pixels say {:.4} x: the time is false, or the camera did not apply it",
                 file.display(),
                 report.stated_ratio,
-                files[other].display(),
+                done.files[other].display(),
                 report.measured_ratio
             ));
         }
     }
+    warnings
+}
+
+fn report(arguments: &HdrArguments, global: &GlobalOptions, done: &Merged, engine: &str) {
+    let Merged { files, chosen, black, merged, .. } = done;
+    let warnings = warnings(done);
     let count = |bit: u8| merged.flags.pixels().iter().filter(|flags| **flags & bit != 0).count();
     let (lower, upper) = (count(LOWER_BOUND), count(UPPER_BOUND));
     let (darkest, brightest) = luminance_range(merged);
     let stops = if darkest > 0.0 { f64::from(brightest / darkest).log2() } else { 0.0 };
-    let digest = common.digest.then(|| {
-        let mut digest = super::common::PixelDigest::default();
+    let digest = global.digest.then(|| {
+        let mut digest = PixelDigest::default();
         digest.add_floats(merged.radiance.pixels());
         digest.hex()
     });
-    if common.json {
-        let pictures: Vec<_> = files
-            .iter()
-            .zip(exposures)
-            .zip(check.reports())
-            .map(|((file, exposure), report)| {
-                serde_json::json!({
-                    "file": file, "time_s": exposure.time_s, "verdict": verdict_name(report.verdict),
-                    "against": report.against.map(|other| &files[other]),
-                    "stated_ratio": report.against.map(|_| report.stated_ratio),
-                    "measured_ratio": report.against.map(|_| report.measured_ratio),
-                })
-            })
-            .collect();
+    if global.json {
         let report = serde_json::json!({
             "out": arguments.out, "engine": engine,
             "width_px": merged.radiance.width(), "height_px": merged.radiance.height(),
-            "pictures": pictures,
+            "pictures": pictures_json(done),
             "black_level_rgb": black, "response": { "kind": chosen.kind, "why": chosen.why },
             "dynamic_range_stops": stops, "luminance_low": darkest, "luminance_high": brightest,
             "lower_bound_px": lower, "upper_bound_px": upper,
@@ -421,10 +390,10 @@ fn report(
     }
     println!("engine    {engine}");
     println!("response  {}: {}", chosen.kind, chosen.why);
-    if black != [0; 3] {
+    if *black != [0; 3] {
         println!("black     values up to {black:?} (r, g, b) do not change with exposure and count as black");
     }
-    for ((file, exposure), report) in files.iter().zip(exposures).zip(check.reports()) {
+    for ((file, exposure), report) in files.iter().zip(&done.exposures).zip(done.check.reports()) {
         print!("  {:<32} {:>11.6} s  {}", file.display(), exposure.time_s, verdict_name(report.verdict));
         match report.against {
             Some(other) => println!(
@@ -446,4 +415,17 @@ fn report(
     if let Some(digest) = digest {
         println!("digest    {digest}");
     }
+}
+
+fn pictures_json(done: &Merged) -> Vec<serde_json::Value> {
+    let each = done.files.iter().zip(&done.exposures).zip(done.check.reports());
+    each.map(|((file, exposure), report)| {
+        serde_json::json!({
+            "file": file, "time_s": exposure.time_s, "verdict": verdict_name(report.verdict),
+            "against": report.against.map(|other| &done.files[other]),
+            "stated_ratio": report.against.map(|_| report.stated_ratio),
+            "measured_ratio": report.against.map(|_| report.measured_ratio),
+        })
+    })
+    .collect()
 }

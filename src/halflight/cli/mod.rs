@@ -1,14 +1,14 @@
 //! The tool for people: one file for each verb of `halflight`.
 
-mod bracket;
 pub mod check;
-pub mod common;
 pub mod devices;
+pub mod error;
 pub mod explain;
 pub mod figures;
+pub mod global_options;
 pub mod hdr;
 pub mod light;
-mod moment;
+mod output;
 mod progress;
 pub mod quality_flags;
 pub mod record;
@@ -23,16 +23,17 @@ pub mod tags;
 pub mod trace;
 pub mod tradeoff;
 
-pub use common::{CliError, Common};
+pub use error::CliError;
+pub use global_options::GlobalOptions;
 use std::process::ExitCode;
 
 /// `halflight`: measures the light of a real place and draws virtual objects into the camera picture.
 #[derive(clap::Parser, Debug)]
 #[command(name = "halflight", version, about, long_about = None, max_term_width = 110)]
-pub struct Arguments {
+pub struct CommandLine {
     /// Options of every verb.
     #[command(flatten)]
-    pub common: Common,
+    pub global: GlobalOptions,
     /// What to do.
     #[command(subcommand)]
     pub verb: Verb,
@@ -41,63 +42,76 @@ pub struct Arguments {
 /// What the tool can do.
 #[derive(clap::Subcommand, Debug)]
 pub enum Verb {
-    /// Run a recording through the daemon's own pipeline; leaves pictures, a film and a report.
-    Replay(replay::Arguments),
+    /// Run a recording through the daemon's own pipeline. Leaves pictures, a film and a report.
+    #[command(long_about = replay::LONG_ABOUT)]
+    Replay(replay::ReplayArguments),
     /// Draw one still of a scene file or of a reference case.
-    Render(render::Arguments),
-    /// Tell which effects a frame has and which it does without, and why.
-    Explain(explain::Arguments),
-    /// Trace a still: ground truth with and without the objects, with its own noise.
-    Trace(trace::Arguments),
+    #[command(long_about = render::LONG_ABOUT)]
+    Render(render::RenderArguments),
+    /// Tell which effects a frame has, and why.
+    #[command(long_about = explain::LONG_ABOUT)]
+    Explain(explain::ExplainArguments),
+    /// Trace a still: ground truth with and without the objects, and its noise.
+    Trace(trace::TraceArguments),
     /// Show how pictures come about, part by part.
-    Figures(figures::Arguments),
+    #[command(long_about = figures::LONG_ABOUT)]
+    Figures(figures::FiguresArguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
-    Light(light::Arguments),
+    Light(light::LightArguments),
     /// Merge exposures into one HDR picture.
-    Hdr(hdr::Arguments),
+    #[command(long_about = hdr::LONG_ABOUT)]
+    Hdr(hdr::HdrArguments),
     /// Find AprilTags and their poses.
-    Tags(tags::Arguments),
+    Tags(tags::TagsArguments),
     /// Record a device to an MCAP file.
-    Record(record::Arguments),
+    #[command(long_about = record::LONG_ABOUT)]
+    Record(record::RecordArguments),
     /// Fit spheres to a model, for its soft shadow.
-    Spheres(spheres::Arguments),
-    /// Show a known room: what its patches send out and reflect, and what a probe saw of it.
-    Room(room::Arguments),
+    Spheres(spheres::SpheresArguments),
+    /// Show a known room: what its surfaces send out and reflect, and what a probe saw of it.
+    Room(room::RoomArguments),
     /// Make a recording of the synthetic room, with its truth.
-    Synth(synth::Arguments),
+    #[command(long_about = synth::LONG_ABOUT)]
+    Synth(synth::SynthArguments),
     /// Do an experiment of the papers again: table and plot.
-    Reproduce(reproduce::Arguments),
-    /// Measure what accuracy costs in time: plots, a page, and the front that presets are points of.
-    Tradeoff(tradeoff::Arguments),
-    /// Run the hard cases: what the textbook's formulas give, what this program gives, and the bound.
-    Stress(stress::Arguments),
-    /// Check a configuration file; prints all mistakes at once.
-    Check(check::Arguments),
+    Reproduce(reproduce::ReproduceArguments),
+    /// Measure what accuracy costs in time: plots, a page, and the measured front.
+    #[command(long_about = tradeoff::LONG_ABOUT)]
+    Tradeoff(tradeoff::TradeoffArguments),
+    /// Run the hard cases: the textbook, this program, and the bound.
+    #[command(long_about = stress::LONG_ABOUT)]
+    Stress(stress::StressArguments),
+    /// Check a settings file. Prints all mistakes at once.
+    #[command(long_about = check::LONG_ABOUT)]
+    Check(check::CheckArguments),
     /// List the devices and engines at hand.
-    Devices(devices::Arguments),
+    Devices(devices::DevicesArguments),
 }
 
-/// Runs one verb. The program's exit status where it is not an error's: 0, or 1 where a check that was asked for fails.
-pub fn run(arguments: Arguments) -> Result<ExitCode, CliError> {
-    let common = &arguments.common;
-    let done = match arguments.verb {
-        Verb::Stress(a) => return stress::run(a, common),
-        Verb::Replay(a) => replay::run(a, common),
-        Verb::Render(a) => render::run(a, common),
-        Verb::Explain(a) => explain::run(a, common),
-        Verb::Trace(a) => trace::run(a, common),
-        Verb::Figures(a) => figures::run(a, common),
-        Verb::Light(a) => light::run(a, common),
-        Verb::Hdr(a) => hdr::run(a, common),
-        Verb::Tags(a) => tags::run(a, common),
-        Verb::Record(a) => record::run(a, common),
-        Verb::Spheres(a) => spheres::run(a, common),
-        Verb::Room(a) => room::run(a, common),
-        Verb::Synth(a) => synth::run(a, common),
-        Verb::Reproduce(a) => reproduce::run(a, common),
-        Verb::Tradeoff(a) => tradeoff::run(a, common),
-        Verb::Check(a) => check::run(a, common),
-        Verb::Devices(a) => devices::run(a, common),
+/// Runs one verb. Returns the program's exit status: 0, or 1 where a check that was asked for fails.
+///
+/// # Errors
+/// What a person did wrong, or what failed; the exit status is then 2.
+pub fn run(line: CommandLine) -> Result<ExitCode, CliError> {
+    let global = &line.global;
+    let done = match line.verb {
+        Verb::Stress(a) => return stress::run(a, global),
+        Verb::Replay(a) => replay::run(a, global),
+        Verb::Render(a) => render::run(a, global),
+        Verb::Explain(a) => explain::run(a, global),
+        Verb::Trace(a) => trace::run(a, global),
+        Verb::Figures(a) => figures::run(a, global),
+        Verb::Light(a) => light::run(a, global),
+        Verb::Hdr(a) => hdr::run(a, global),
+        Verb::Tags(a) => tags::run(a, global),
+        Verb::Record(a) => record::run(a, global),
+        Verb::Spheres(a) => spheres::run(a, global),
+        Verb::Room(a) => room::run(a, global),
+        Verb::Synth(a) => synth::run(a, global),
+        Verb::Reproduce(a) => reproduce::run(a, global),
+        Verb::Tradeoff(a) => tradeoff::run(a, global),
+        Verb::Check(a) => check::run(a, global),
+        Verb::Devices(a) => devices::run(a, global),
     };
     done.map(|()| ExitCode::SUCCESS)
 }

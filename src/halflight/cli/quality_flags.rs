@@ -18,22 +18,22 @@ pub struct QualityFlags {
     /// SH order of the light: 2 to 6 [default: 4].
     #[arg(long, value_name = "N")]
     pub sh_order: Option<i64>,
-    /// What becomes of the light: compact (lights with their extent), paper or bounded (one light by net flux), or sh
-    /// (none) [default: compact].
+    /// How light is split into hard and soft: compact (lights with their extent), paper or bounded (one light by net flux), or
+    /// sh (all of it soft) [default: compact].
     #[arg(long, value_name = "KIND")]
     pub split: Option<String>,
-    /// Compact lights that are looked for, the brightest first: 1 to 4 [default: 4].
+    /// How many compact lights are looked for, the brightest first: 1 to 4 [default: 4].
     #[arg(long, value_name = "N")]
     pub lights: Option<i64>,
     /// Damp the soft half of the light until it shines negatively on no surface, and no more; `render` says what that
     /// costs.
     #[arg(long)]
     pub dering: bool,
-    /// How the visibility of many spheres is put together: dc, linear, hybrid, squared, chain or directions
+    /// How the visibility of many spheres is computed: dc, linear, hybrid, squared, chain or directions
     /// [default: directions].
     #[arg(long, value_name = "RUNG")]
     pub rung: Option<String>,
-    /// Spheres that stand for every body where it blocks soft light: 4 to 64, or 0 = as the scene says [default: 0].
+    /// Spheres that stand for each body where it blocks soft light: 4 to 64, or 0 = as the scene says [default: 0].
     #[arg(long, value_name = "N")]
     pub spheres: Option<i64>,
     /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
@@ -65,8 +65,8 @@ pub struct QualityFlags {
     /// [default: called_for].
     #[arg(long, value_name = "WHICH")]
     pub effects: Option<String>,
-    /// How what objects hide of a known room's light is taken from the picture: ratio (exact), or ldr (from 8-bit values, light
-    /// by light, as [Gib03] did) [default: ratio].
+    /// How the picture loses the light of a known room that objects hide: ratio (exact), or ldr (from 8-bit values, light by
+    /// light, as [Gib03] did) [default: ratio].
     #[arg(long, value_name = "FORM")]
     pub near_form: Option<String>,
 }

@@ -1,12 +1,13 @@
 //! `halflight record`
 
-use super::{CliError, Common, common::PixelDigest};
+use super::progress::Bar;
+use super::{CliError, GlobalOptions};
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Truth, open};
+use crate::lab::digest::PixelDigest;
 use crate::model::{frame::Exposure, time::Timestamp};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
 /// How pictures are stored.
@@ -34,20 +35,24 @@ impl Coding {
     }
 }
 
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+Record a device to an MCAP file: its pictures, its inertial samples, and what it knows of lens, tags and \
+ball.\n\n\
+Example: halflight record synthetic:frames=30,seed=4 --out room.mcap --png";
+
 /// Arguments of `halflight record`.
-///
-/// Example: halflight record synthetic:frames=30,seed=4 --out room.mcap --png
 #[derive(clap::Args, Debug)]
-pub struct Arguments {
+pub struct RecordArguments {
     /// The device, e.g. synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
     device: String,
     /// The recording to write (MCAP).
     #[arg(long, value_name = "FILE.mcap")]
     out: PathBuf,
-    /// Stop after so many seconds of the camera's time.
+    /// Stop after this many seconds of the camera's time.
     #[arg(long)]
     seconds: Option<f64>,
-    /// Stop after so many frames.
+    /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
     /// How pictures are stored (default: --jpeg 93).
@@ -65,7 +70,7 @@ pub struct Limit {
 
 /// What passed.
 #[derive(Default)]
-pub struct Seen {
+pub struct RecordedFrames {
     frames: u64,
     imu_samples: usize,
     size: (usize, usize),
@@ -84,13 +89,10 @@ pub fn pump(
     mut imu: Option<&mut dyn ImuSource>,
     limit: &Limit,
     expected: u64,
-) -> Result<Seen, CliError> {
-    let bar = ProgressBar::new(expected);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
-        bar.set_style(style);
-    }
+) -> Result<RecordedFrames, CliError> {
+    let bar = Bar::of_count(Some(expected), "frames");
     let clock = MonotonicClock::new();
-    let mut seen = Seen::default();
+    let mut seen = RecordedFrames::default();
     let mut samples = Vec::new();
     let mut first = None;
     while limit.frames.is_none_or(|most| seen.frames < most) {
@@ -101,7 +103,7 @@ pub fn pump(
         let frame = match frames.next(deadline) {
             Ok(frame) => frame,
             Err(error) if error.kind == ErrorKind::Ended => break,
-            Err(error) => return Err(CliError(error.to_string())),
+            Err(error) => return Err(error.into()),
         };
         let start = *first.get_or_insert(frame.t_mid);
         seen.span_s = frame.t_mid.seconds_since(start);
@@ -113,16 +115,16 @@ pub fn pump(
         seen.frames += 1;
         if let Some(imu) = imu.as_deref_mut() {
             samples.clear();
-            imu.samples_until(frame.t_mid, &mut samples).map_err(|e| CliError(e.to_string()))?;
+            imu.samples_until(frame.t_mid, &mut samples)?;
             seen.imu_samples += samples.len();
         }
-        bar.inc(1);
+        bar.add_one();
         if limit.seconds.is_some_and(|most| seen.span_s >= most) {
             break;
         }
     }
     seen.truth = frames.truth();
-    bar.finish_and_clear();
+    drop(bar);
     Ok(seen)
 }
 
@@ -131,9 +133,9 @@ pub fn report(
     verb: &str,
     out: &Path,
     tape: &Tape,
-    seen: Seen,
+    seen: RecordedFrames,
     coding: PictureCoding,
-    common: &Common,
+    global: &GlobalOptions,
 ) -> Result<(), CliError> {
     let (written, target) = tape.finish().map_err(|e| CliError::on(verb, e))?;
     drop(target);
@@ -141,8 +143,8 @@ pub fn report(
     let times: Vec<f64> = seen.exposures.iter().map(|e| e.time_s).collect();
     let (width, height) = seen.size;
     let to_light = seen.truth.map(|truth| truth.to_light_world);
-    let digest = common.digest.then(|| seen.digest.hex());
-    if common.json {
+    let digest = global.digest.then(|| seen.digest.hex());
+    if global.json {
         let report = serde_json::json!({
             "file": out, "bytes": bytes, "frames": written.frames, "imu_samples": written.imu_samples,
             "chunks": written.chunks, "width_px": width, "height_px": height, "exposures_s": times,
@@ -181,7 +183,7 @@ fn replayed(device: &str) -> PathBuf {
 }
 
 /// Runs `halflight record`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let a = &arguments;
     if let Some(seconds) = a.seconds.filter(|s| !(*s > 0.0 && s.is_finite())) {
         return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
@@ -192,7 +194,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     {
         return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
     }
-    let opened = open::open(&a.device).map_err(|e| CliError(e.to_string()))?;
+    let opened = open::open(&a.device)?;
     let setup = Setup {
         rig: opened.frames.rig(),
         response: opened.frames.response(),
@@ -202,12 +204,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         tracing::warn!("{} states no lens: the recording will have no calibration", a.device);
     }
     let expected = a.frames.or(opened.frames.frames_left()).unwrap_or(0);
-    let writer = RecordingWriter::create(&a.out, coding, setup).map_err(|e| CliError(e.to_string()))?;
+    let writer = RecordingWriter::create(&a.out, coding, setup)?;
     let tape = Tape::new(writer);
     let mut frames = Recorder::new(opened.frames, tape.clone());
     let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
     let limit = Limit { frames: a.frames, seconds: a.seconds };
     let tee = imu.as_mut().map(|imu| imu as &mut dyn ImuSource);
     let seen = pump(&mut frames, tee, &limit, expected)?;
-    report("record", &a.out, &tape, seen, coding, common)
+    report("record", &a.out, &tape, seen, coding, global)
 }

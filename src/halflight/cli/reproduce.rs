@@ -1,13 +1,11 @@
 //! `halflight reproduce`: experiments of the papers, done again.
 
-mod profiles;
-
-use super::{CliError, Common};
-use crate::nearfield::two_sets::{Division, Experiment, Off, Strengths, run as experiment};
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use super::output::{make_folder, write_file};
+use super::{CliError, GlobalOptions};
+use crate::lab::papers::{displayed_values, profiles};
+use crate::nearfield::two_sets::Off;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
 gib03-fig3: 50 sources light a point; some are hidden, and their light is taken away from the displayed value in two sets
@@ -23,7 +21,7 @@ Examples: halflight reproduce gib03-fig3 --out out
 /// Arguments of `halflight reproduce`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
-pub struct Arguments {
+pub struct ReproduceArguments {
     /// Which experiment.
     #[arg(value_enum)]
     pub what: What,
@@ -46,46 +44,66 @@ pub enum What {
     Gib03F3,
 }
 
-/// A curve: its name, its colour, what is displayed of an amount of light, strengths and sets.
-type Curve = (&'static str, &'static str, fn(f64) -> f64, Strengths, Division);
-
-const CURVES: [Curve; 5] = [
-    ("gamma 2.2, two sets", "#1f77b4", gamma, Strengths::Uniform, Division::Chance(50)),
-    ("gamma 2.2, a quarter and the rest", "#2ca02c", gamma, Strengths::Uniform, Division::Chance(25)),
-    ("gamma 2.2, two sets, few strong sources", "#9467bd", gamma, Strengths::Pareto, Division::Chance(50)),
-    ("gamma 2.2, one set", "#d62728", gamma, Strengths::Uniform, Division::Chance(0)),
-    ("linear display, two sets", "#7f7f7f", linear, Strengths::Uniform, Division::Chance(50)),
-];
-
-fn gamma(light: f64) -> f64 {
-    255.0 * light.clamp(0.0, 1.0).powf(1.0 / 2.2)
-}
-
-fn linear(light: f64) -> f64 {
-    255.0 * light
-}
-
 /// Runs `halflight reproduce`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    match arguments.what {
-        What::Gib03Fig3 => displayed_values(&arguments, common),
-        What::Gib03F3 => room_profiles(&arguments, common),
+///
+/// # Errors
+/// A mistake in the arguments; a reference case that cannot be read; a file that cannot be written.
+pub fn run(arguments: ReproduceArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let done = match arguments.what {
+        What::Gib03Fig3 => displayed_values(),
+        What::Gib03F3 => room_profiles(&arguments)?,
+    };
+    make_folder(&arguments.out)?;
+    for (name, text) in &done.files {
+        write_file(&arguments.out.join(name), text)?;
     }
-}
-
-fn write(out: &Path, files: &[(&str, String)]) -> Result<(), CliError> {
-    std::fs::create_dir_all(out).map_err(|e| CliError::on(out.display(), e))?;
-    for (name, text) in files {
-        let file = out.join(name);
-        std::fs::write(&file, text).map_err(|e| CliError::on(file.display(), e))?;
+    if global.json {
+        let mut report = done.json;
+        report["out"] = json!(arguments.out);
+        println!("{report}");
+        return Ok(());
+    }
+    print!("{}", done.table);
+    for (name, _) in &done.files {
+        println!("wrote {}", arguments.out.join(name).display());
     }
     Ok(())
 }
 
-fn room_profiles(arguments: &Arguments, common: &Common) -> Result<(), CliError> {
+/// What an experiment gave.
+struct Done {
+    files: [(&'static str, String); 2],
+    json: Value,
+    table: String,
+}
+
+fn room_profiles(arguments: &ReproduceArguments) -> Result<Done, CliError> {
     let Some(reference) = &arguments.reference else {
         return Err(CliError::on("gib03-f3", "--reference DIR is missing: the folder with the cases f3_*"));
     };
+    let mut found = Vec::new();
+    for folder in f3_folders(reference)? {
+        found.extend(profiles::of_case(&folder)?);
+    }
+    let of = |p: &profiles::ShadowProfile| {
+        let off = p.off();
+        json!({"case": p.case, "object": p.object, "row": p.row, "rms_over_largest": {"10": off[0], "50": off[1]}})
+    };
+    let mut table =
+        String::from("RMS off the reference along a row, over the largest there, by 10 and by 50 lights:\n");
+    for p in &found {
+        let [few, many] = p.off();
+        table += &format!("  {:<24} {:<7} row {:3}: {few:.3} {many:.3}\n", p.case, p.object, p.row);
+    }
+    Ok(Done {
+        files: [("gib03-f3.csv", profiles::table(&found)), ("gib03-f3.svg", profiles::plot(&found))],
+        json: json!({ "profiles": found.iter().map(of).collect::<Vec<_>>() }),
+        table,
+    })
+}
+
+/// The folders of F3 below the reference's, sorted.
+fn f3_folders(reference: &Path) -> Result<Vec<PathBuf>, CliError> {
     let on = |e| CliError::on(reference.display(), e);
     let mut folders = Vec::new();
     for entry in std::fs::read_dir(reference).map_err(on)? {
@@ -98,156 +116,33 @@ fn room_profiles(arguments: &Arguments, common: &Common) -> Result<(), CliError>
     if folders.is_empty() {
         return Err(CliError::on(reference.display(), "no case in it: a folder f3_* with a case.json"));
     }
-    let mut profiles = Vec::new();
-    for folder in &folders {
-        profiles.extend(profiles::of_case(folder)?);
-    }
-    let files = [("gib03-f3.csv", profiles::table(&profiles)), ("gib03-f3.svg", profiles::plot(&profiles))];
-    write(&arguments.out, &files)?;
-    if common.json {
-        let of = |p: &profiles::Profile| {
-            let off = p.off();
-            serde_json::json!({"case": p.case, "object": p.object, "row": p.row, "rms_over_largest": {"10": off[0], "50": off[1]}})
-        };
-        let report: Vec<_> = profiles.iter().map(of).collect();
-        println!("{}", serde_json::json!({ "profiles": report, "out": arguments.out }));
-        return Ok(());
-    }
-    println!("RMS off the reference along a row, over the largest there, by 10 and by 50 lights:");
-    for p in &profiles {
-        let [few, many] = p.off();
-        println!("  {:<24} {:<7} row {:3}: {few:.3} {many:.3}", p.case, p.object, p.row);
-    }
-    for (name, _) in &files {
-        println!("wrote {}", arguments.out.join(name).display());
-    }
-    Ok(())
+    Ok(folders)
 }
 
-fn displayed_values(arguments: &Arguments, common: &Common) -> Result<(), CliError> {
-    let hidden: Vec<usize> = (0..=50).collect();
-    let curves: Vec<(&Curve, Vec<Off>)> = CURVES
+fn displayed_values() -> Done {
+    let curves = displayed_values::error_curves();
+    let of =
+        |off: &Off| json!({"hidden": off.hidden, "mean_dn": off.mean, "std_dn": off.std, "rms_dn": off.rms});
+    let report: Vec<_> = curves
         .iter()
-        .map(|curve| {
-            let &(_, _, tone, strengths, division) = curve;
-            let about = Experiment { sources: 50, strengths, division, datasets: 8, trials: 1000, seed: 1 };
-            (curve, experiment(&about, &hidden, &tone))
-        })
+        .map(|curve| json!({"curve": curve.name, "points": curve.offs.iter().map(of).collect::<Vec<_>>()}))
         .collect();
-    let mut csv = String::from("curve,hidden,mean,std,rms\n");
-    for ((name, ..), offs) in &curves {
-        for off in offs {
-            let _ = writeln!(csv, "\"{name}\",{},{:.4},{:.4},{:.4}", off.hidden, off.mean, off.std, off.rms);
-        }
-    }
-    let files = [("gib03-fig3.csv", csv), ("gib03-fig3.svg", plot(&curves))];
-    write(&arguments.out, &files)?;
-    if common.json {
-        let of = |off: &Off| serde_json::json!({"hidden": off.hidden, "mean_dn": off.mean, "std_dn": off.std, "rms_dn": off.rms});
-        let report: Vec<_> = curves
-            .iter()
-            .map(|((name, ..), offs)| serde_json::json!({"curve": name, "points": offs.iter().map(of).collect::<Vec<_>>()}))
-            .collect();
-        println!("{}", serde_json::json!({ "curves": report, "out": arguments.out }));
-        return Ok(());
-    }
-    println!(
-        "mean error (and standard deviation), in values of 255, where so many of 50 sources are hidden:"
+    let mut table = String::from(
+        "mean error (and standard deviation), in values of 255, where so many of 50 sources are hidden:\n",
     );
-    for ((name, ..), offs) in &curves {
-        print!("  {name:<40}");
+    for curve in &curves {
+        table += &format!("  {:<40}", curve.name);
         for k in [10, 20, 25, 30, 40, 50] {
-            print!(" {k}: {:.1} ({:.1})", offs[k].mean, offs[k].std);
+            table += &format!(" {k}: {:.1} ({:.1})", curve.offs[k].mean, curve.offs[k].std);
         }
-        println!();
+        table += "\n";
     }
-    for (name, _) in &files {
-        println!("wrote {}", arguments.out.join(name).display());
-    }
-    Ok(())
-}
-
-/// Lines of the means, bands of one standard deviation.
-fn plot(curves: &[(&Curve, Vec<Off>)]) -> String {
-    const SIZE: [f64; 2] = [720.0, 440.0];
-    const LOW: f64 = -80.0;
-    const HIGH: f64 = 120.0;
-    let x = |hidden: f64| 60.0 + hidden / 50.0 * (SIZE[0] - 80.0);
-    let y = |off: f64| 20.0 + (HIGH - off.clamp(LOW, HIGH)) / (HIGH - LOW) * (SIZE[1] - 70.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        SIZE[0], SIZE[1]
-    );
-    for k in 0..=10 {
-        let off = LOW + 20.0 * f64::from(k);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{:.1} {1:.1}H{2:.1}\" stroke=\"{3}\"/><text x=\"52\" y=\"{4:.1}\" text-anchor=\"end\">{off}</text>",
-            x(0.0),
-            y(off),
-            x(50.0),
-            if off == 0.0 { "#888" } else { "#ddd" },
-            y(off) + 4.0
-        );
-    }
-    for k in 0..=5 {
-        let hidden = 10.0 * f64::from(k);
-        let _ = writeln!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{hidden}</text>",
-            x(hidden),
-            SIZE[1] - 32.0
-        );
-    }
-    let _ = writeln!(
-        svg,
-        "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">hidden sources of 50</text>",
-        x(25.0),
-        SIZE[1] - 12.0
-    );
-    let _ = writeln!(
-        svg,
-        "<text transform=\"translate(16 {:.1}) rotate(-90)\" text-anchor=\"middle\">error, values of 255</text>",
-        y(20.0)
-    );
-    for (index, ((name, colour, ..), offs)) in curves.iter().enumerate() {
-        let point =
-            |off: &Off, by: f64| format!("{:.1} {:.1}", x(off.hidden as f64), y(off.mean + by * off.std));
-        let upper: Vec<String> = offs.iter().map(|off| point(off, 1.0)).collect();
-        let lower: Vec<String> = offs.iter().rev().map(|off| point(off, -1.0)).collect();
-        let middle: Vec<String> = offs.iter().map(|off| point(off, 0.0)).collect();
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{}L{}Z\" fill=\"{colour}\" opacity=\"0.15\"/>",
-            upper.join("L"),
-            lower.join("L")
-        );
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
-            middle.join("L")
-        );
-        let row = 36.0 + 18.0 * index as f64;
-        let _ = writeln!(
-            svg,
-            "<path d=\"M74 {row}h24\" stroke=\"{colour}\" stroke-width=\"2\"/><text x=\"104\" y=\"{:.1}\">{name}</text>",
-            row + 4.0
-        );
-    }
-    svg.push_str("</svg>\n");
-    svg
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plot_holds_every_curve_and_no_broken_number() {
-        let off = |hidden| Off { hidden, mean: -1e9, std: 2.0, rms: 3.0 };
-        let curves: Vec<_> = CURVES.iter().map(|curve| (curve, vec![off(0), off(50)])).collect();
-        let svg = plot(&curves);
-        assert!(CURVES.iter().all(|(name, ..)| svg.contains(name)));
-        assert!(!svg.contains("NaN") && !svg.contains("inf") && svg.ends_with("</svg>\n"));
+    Done {
+        files: [
+            ("gib03-fig3.csv", displayed_values::table(&curves)),
+            ("gib03-fig3.svg", displayed_values::plot(&curves)),
+        ],
+        json: json!({ "curves": report }),
+        table,
     }
 }

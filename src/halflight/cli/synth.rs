@@ -1,7 +1,7 @@
 //! `halflight synth`
 
 use super::record::Coding;
-use super::{CliError, Common, record};
+use super::{CliError, GlobalOptions, record};
 use crate::assets::{gltf::write_room::encode_room, pictures};
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{RecordingWriter, Setup};
@@ -13,15 +13,17 @@ use std::path::PathBuf;
 /// Rows of a probe's picture.
 const PROBE_ROWS: usize = 256;
 
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+Make a recording of the synthetic room, with its truth.\n\n\
+The room has a table with a tag36h11 tag (number 0, black square 0.10 m) at the origin and a mirror ball \
+beside it, a lamp, a window and furniture. The recording also holds inertial samples, and the exact pose and \
+light of every frame. Equal arguments give equal files.\n\n\
+Example: halflight synth --out desk.mcap --frames 90 --size 640x480 --jpeg 93";
+
 /// Arguments of `halflight synth`.
-///
-/// The room holds a table with a tag36h11 tag (number 0, black square 0.10 m) at the origin and a mirror ball
-/// beside it, a lamp, a window and furniture. The recording also holds inertial samples and the exact pose and
-/// light of every frame. Equal arguments give equal files.
-///
-/// Example: halflight synth --out desk.mcap --frames 90 --size 640x480 --jpeg 93
 #[derive(clap::Args, Debug)]
-pub struct Arguments {
+pub struct SynthArguments {
     /// The recording to write (MCAP).
     #[arg(long, value_name = "FILE.mcap")]
     out: PathBuf,
@@ -73,7 +75,7 @@ fn point(text: &str) -> Result<DVec3, String> {
 }
 
 /// Runs `halflight synth`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
+pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let a = &arguments;
     let exposures = a.exposures.replace(',', ":");
     let name = format!(
@@ -82,7 +84,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     );
     let options = options::Options::parse(&name).map_err(|e| CliError::on("synth", e))?;
     let coding = a.coding.chosen()?;
-    if let Some(threads) = common.threads {
+    if let Some(threads) = global.threads {
         // Only the first choice in a process counts; the pixels are the same for any number.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
@@ -94,7 +96,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     }
     if let Some(file) = &a.probe {
         let map = frames.probe(a.probe_position, PROBE_ROWS);
-        pictures::save_hdr(file, &map.radiance).map_err(|e| CliError(e.to_string()))?;
+        pictures::save_hdr(file, &map.radiance)?;
     }
     let setup = Setup { rig: frames.rig(), response: frames.response(), imu_truth: imu.imu_truth() };
     let writer =
@@ -104,5 +106,5 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let mut frames = Recorder::new(frames, tape.clone());
     let limit = record::Limit { frames: Some(options.frames), seconds: None };
     let seen = record::pump(&mut frames, Some(&mut imu), &limit, options.frames)?;
-    record::report("synth", &a.out, &tape, seen, coding, common)
+    record::report("synth", &a.out, &tape, seen, coding, global)
 }

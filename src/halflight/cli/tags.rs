@@ -1,7 +1,9 @@
 //! `halflight tags`: AprilTags in one picture, and where they are.
 
-use super::{CliError, Common, common::PixelDigest};
+use super::output::{say, say_digest};
+use super::{CliError, GlobalOptions};
 use crate::assets::{calibration, pictures};
+use crate::lab::digest::PixelDigest;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::image::{Image, Rgb8Image};
 use crate::track::{
@@ -10,7 +12,7 @@ use crate::track::{
 };
 use glam::{DVec2, DVec3};
 use serde::Serialize;
-use std::{io::Write, path::PathBuf};
+use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
 Finds tag36h11 AprilTags in a picture and the pose of each in the camera's frame (x right, y down, z forward;
@@ -27,7 +29,7 @@ Example: halflight tags desk.png --camera camera.yml --size 0.08 --out found.png
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
 #[command(group = clap::ArgGroup::new("lens").required(true).args(["camera", "focal"]))]
-pub struct Arguments {
+pub struct TagsArguments {
     /// The picture: PNG or JPEG, 8-bit, as the camera gave it.
     pub image: PathBuf,
     /// Calibration of the camera: OpenCV YAML, ROS camera_info YAML, or lists K and D. FILE#NAME picks one of
@@ -71,13 +73,12 @@ struct TagReport {
 }
 
 /// Runs `halflight tags`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let fail = |error: &dyn std::fmt::Display| CliError(error.to_string());
+pub fn run(arguments: TagsArguments, global: &GlobalOptions) -> Result<(), CliError> {
     if !(arguments.size > 0.0 && arguments.size.is_finite()) {
         let why = format!("must be above 0 metres, was {}", arguments.size);
         return Err(CliError::on("--size", why));
     }
-    let picture = pictures::load_rgb8(&arguments.image).map_err(|e| fail(&e))?;
+    let picture = pictures::load_rgb8(&arguments.image)?;
     let lens = lens_of(&arguments, &picture)?;
     let options = TagOptions {
         decimate: arguments.decimate,
@@ -87,41 +88,38 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     let mut gray = Image::default();
     gray_of(&picture, &mut gray);
     let mut tags = Vec::new();
-    let mut detector = TagDetector::new(options).map_err(|e| fail(&e))?;
+    let mut detector = TagDetector::new(options)?;
     detector.detect(&gray, None, &mut tags).map_err(|e| CliError::on(arguments.image.display(), e))?;
     let poses: Vec<Option<TagPoses>> =
         tags.iter().map(|t| solve(&t.corners_px, arguments.size, &lens)).collect();
-    if common.json {
+    if global.json {
         let reports: Vec<TagReport> = tags.iter().zip(&poses).map(|(t, p)| report(t, p.as_ref())).collect();
-        say(&serde_json::to_string_pretty(&reports).map_err(|e| fail(&e))?)?;
+        say(&serde_json::to_string_pretty(&reports)?)?;
     } else {
         say(&table(&tags, &poses))?;
     }
-    if arguments.out.is_some() || common.digest {
+    if arguments.out.is_some() || global.digest {
         let mut drawn = picture;
         for (tag, poses) in tags.iter().zip(&poses) {
             annotate(&mut drawn, tag, poses.as_ref(), arguments.size, &lens);
         }
         if let Some(out) = &arguments.out {
-            pictures::save_png(out, &drawn).map_err(|e| fail(&e))?;
+            pictures::save_png(out, &drawn)?;
         }
-        if common.digest {
+        if global.digest {
             let mut digest = PixelDigest::default();
             digest.add_bytes(drawn.pixels());
-            // JSON on standard output stays alone there.
-            let line = format!("digest {}", digest.hex());
-            if common.json { eprintln!("{line}") } else { say(&line)? }
+            say_digest(&digest.hex(), global.json)?;
         }
     }
     Ok(())
 }
 
-fn lens_of(arguments: &Arguments, picture: &Rgb8Image) -> Result<Lens, CliError> {
+fn lens_of(arguments: &TagsArguments, picture: &Rgb8Image) -> Result<Lens, CliError> {
     let (width, height) = (picture.width(), picture.height());
     if let Some(file) = &arguments.camera {
-        return calibration::load(file)
-            .and_then(|lens| calibration::for_picture(lens, width, height, file))
-            .map_err(|e| CliError(e.to_string()));
+        let lens = calibration::load(file)?;
+        return Ok(calibration::for_picture(lens, width, height, file)?);
     }
     let text = arguments.focal.as_deref().unwrap_or_default();
     let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
@@ -154,16 +152,6 @@ fn report(tag: &TagDetection, poses: Option<&TagPoses>) -> TagReport {
         hamming: tag.hamming,
         decision_margin: tag.decision_margin,
         corner_sigma_px: tag.corner_sigma_px,
-    }
-}
-
-/// Prints a text and a line end. A reader that has gone away (`| head`) is no error.
-fn say(text: &str) -> Result<(), CliError> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CliError::on("writing to standard output", error))
-        }
-        _ => Ok(()),
     }
 }
 

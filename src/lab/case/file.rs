@@ -1,7 +1,8 @@
 //! The JSON of a case, as written.
 
 use super::{
-    Case, CaseImage, Emitter, EmitterKind, Geometry, LightTruth, LightTruths, Photographs, Role, Shape,
+    Case, CaseEmitter, CaseImage, EmitterKind, ExactShape, Geometry, GeometryRole, LightTruth, LightTruths,
+    Photographs,
 };
 use crate::{
     assets::error::AssetError,
@@ -16,7 +17,7 @@ use std::{
 };
 
 type Rows = [[f64; 4]; 4];
-type Rgb = [f64; 3];
+type FileRgb = [f64; 3];
 
 #[derive(Deserialize)]
 struct CaseFile {
@@ -69,16 +70,16 @@ enum ShapeFile {
         half_extent: f64,
     },
     Quad {
-        vertices: [Rgb; 4],
+        vertices: [FileRgb; 4],
     },
     Box {
-        center: Rgb,
-        half_size: Rgb,
+        center: FileRgb,
+        half_size: FileRgb,
         #[serde(default)]
         yaw_deg: f64,
     },
     Sphere {
-        center: Rgb,
+        center: FileRgb,
         radius: f64,
     },
     Mesh {
@@ -105,10 +106,10 @@ struct EmitterFile {
 #[serde(tag = "type", rename_all = "lowercase")]
 enum EmitterKindFile {
     Environment { file: PathBuf },
-    Directional { to_light: Rgb, irradiance_perpendicular: Rgb },
-    Constant { radiance: Rgb },
-    Quad { vertices: [Rgb; 4], radiance: Rgb },
-    Disc { center: Rgb, normal: Rgb, radius: f64, radiance: Rgb },
+    Directional { to_light: FileRgb, irradiance_perpendicular: FileRgb },
+    Constant { radiance: FileRgb },
+    Quad { vertices: [FileRgb; 4], radiance: FileRgb },
+    Disc { center: FileRgb, normal: FileRgb, radius: f64, radiance: FileRgb },
 }
 
 #[derive(Deserialize)]
@@ -140,18 +141,18 @@ struct TruthsFile {
 
 #[derive(Deserialize)]
 struct TruthFile {
-    coefficients_rgb: Vec<Rgb>,
-    dominant_direction: Rgb,
-    band1_vector_rgb: [Rgb; 3],
+    coefficients_rgb: Vec<FileRgb>,
+    dominant_direction: FileRgb,
+    band1_vector_rgb: [FileRgb; 3],
     #[serde(rename = "E_d_rgb")]
-    e_d_rgb: Rgb,
-    irradiance_up_z_rgb: Rgb,
-    plane_radiance_rgb: Option<Rgb>,
+    e_d_rgb: FileRgb,
+    irradiance_up_z_rgb: FileRgb,
+    plane_radiance_rgb: Option<FileRgb>,
 }
 
 #[derive(Deserialize)]
 struct PlaneFile {
-    mean_of_image: Rgb,
+    mean_of_image: FileRgb,
 }
 
 /// Collects what is wrong, so that all of it is said at once.
@@ -178,13 +179,13 @@ impl Check<'_> {
         rgb
     }
 
-    fn light(&mut self, key: &str, rgb: Rgb) -> Rgb {
+    fn light(&mut self, key: &str, rgb: FileRgb) -> FileRgb {
         let sound = rgb.iter().all(|c| (0.0..1e12).contains(c));
         self.require(sound, key, rgb, "finite and not negative");
         rgb
     }
 
-    fn unit(&mut self, key: &str, vector: Rgb) -> DVec3 {
+    fn unit(&mut self, key: &str, vector: FileRgb) -> DVec3 {
         let length = DVec3::from(vector).length();
         self.require((length - 1.0).abs() < 1e-3, key, vector, "a unit vector");
         DVec3::from(vector).normalize_or(DVec3::Z)
@@ -213,8 +214,8 @@ pub fn parse(path: &Path, text: &str) -> Result<Case, AssetError> {
         );
         let shape = shape(&mut check, &piece.name, piece.shape, &root);
         let role = match piece.role {
-            RoleFile::Receiver => Role::Receiver,
-            RoleFile::Object => Role::Object,
+            RoleFile::Receiver => GeometryRole::Receiver,
+            RoleFile::Object => GeometryRole::Object,
         };
         let material = material.unwrap_or(Material::Lambert { albedo_rgb: [0.0; 3] });
         geometry.push(Geometry { name: piece.name, role, shape, material });
@@ -304,21 +305,25 @@ fn materials(check: &mut Check, raw: &BTreeMap<String, MaterialFile>) -> BTreeMa
     raw.iter().map(material).collect()
 }
 
-fn shape(check: &mut Check, name: &str, raw: ShapeFile, root: &Path) -> Shape {
+fn shape(check: &mut Check, name: &str, raw: ShapeFile, root: &Path) -> ExactShape {
     let key = |k: &str| format!("geometry {name}.{k}");
     match raw {
         ShapeFile::PlaneZ0 { half_extent } => {
-            Shape::PlaneZ0 { half_extent: check.positive(key("half_extent"), half_extent) }
+            ExactShape::PlaneZ0 { half_extent: check.positive(key("half_extent"), half_extent) }
         }
-        ShapeFile::Quad { vertices } => Shape::Quad { vertices: vertices.map(DVec3::from) },
+        ShapeFile::Quad { vertices } => ExactShape::Quad { vertices: vertices.map(DVec3::from) },
         ShapeFile::Box { center, half_size, yaw_deg } => {
             half_size.iter().for_each(|&size| {
                 check.positive(key("half_size"), size);
             });
-            Shape::Box { centre: center.into(), half_size: half_size.into(), yaw_rad: yaw_deg.to_radians() }
+            ExactShape::Box {
+                centre: center.into(),
+                half_size: half_size.into(),
+                yaw_rad: yaw_deg.to_radians(),
+            }
         }
         ShapeFile::Sphere { center, radius } => {
-            Shape::Sphere { centre: center.into(), radius: check.positive(key("radius"), radius) }
+            ExactShape::Sphere { centre: center.into(), radius: check.positive(key("radius"), radius) }
         }
         ShapeFile::Mesh { file, world_from_object } => {
             let rows = world_from_object.map(|row| row.map(|x| x as f32));
@@ -326,12 +331,12 @@ fn shape(check: &mut Check, name: &str, raw: ShapeFile, root: &Path) -> Shape {
             let sound =
                 matrix.is_finite() && matrix.determinant().abs() > 1e-18 && rows[3] == [0.0, 0.0, 0.0, 1.0];
             check.require(sound, key("world_from_object"), rows, "an invertible 4x4 matrix, row by row");
-            Shape::Mesh { file: root.join(file), world_from_object: Affine3A::from_mat4(matrix) }
+            ExactShape::Mesh { file: root.join(file), world_from_object: Affine3A::from_mat4(matrix) }
         }
     }
 }
 
-fn emitter(check: &mut Check, raw: EmitterFile, root: &Path) -> Emitter {
+fn emitter(check: &mut Check, raw: EmitterFile, root: &Path) -> CaseEmitter {
     let kind = match raw.kind {
         EmitterKindFile::Environment { file } => EmitterKind::Environment { file: root.join(file) },
         EmitterKindFile::Directional { to_light, irradiance_perpendicular } => EmitterKind::Directional {
@@ -352,7 +357,7 @@ fn emitter(check: &mut Check, raw: EmitterFile, root: &Path) -> Emitter {
             radiance_rgb: check.light("emitters.radiance", radiance),
         },
     };
-    Emitter { name: raw.name, kind }
+    CaseEmitter { name: raw.name, kind }
 }
 
 fn photographs(check: &mut Check, raw: PhotographsFile, root: &Path) -> Option<Photographs> {

@@ -4,9 +4,16 @@
 //! Conventions are the crate's own: world z up in metres, camera as OpenCV's, pixel centres at +0.5. File names in a
 //! case are relative to the folder above the case's own.
 
+mod compare;
+mod emitters;
 mod file;
+mod place;
 mod room;
+mod stills;
 mod trace;
+
+pub use compare::{Comparison, MaskError, ShadowError, compare};
+pub use stills::{CaseStills, default_image, is_a_mask, of_case};
 
 use crate::{
     assets::{
@@ -56,9 +63,9 @@ pub struct Case {
     /// Receivers and objects, in order of the file.
     pub geometry: Vec<Geometry>,
     /// In order of the file.
-    pub emitters: Vec<Emitter>,
+    pub emitters: Vec<CaseEmitter>,
     /// F4: the sun as a disc, in place of the directional one.
-    pub alternative_sun: Option<Emitter>,
+    pub alternative_sun: Option<CaseEmitter>,
     /// Pictures and masks, sorted by name.
     pub images: Vec<CaseImage>,
     /// F5: the ball photographed.
@@ -75,16 +82,16 @@ pub struct Geometry {
     /// Unique in the case.
     pub name: String,
     /// A real surface, or a virtual object.
-    pub role: Role,
+    pub role: GeometryRole,
     /// Exact shape, world frame.
-    pub shape: Shape,
+    pub shape: ExactShape,
     /// How it reflects.
     pub material: Material,
 }
 
 /// What a piece of geometry is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum GeometryRole {
     /// Real: receives shadows.
     Receiver,
     /// Virtual.
@@ -93,7 +100,7 @@ pub enum Role {
 
 /// Exact shapes, world frame, metres.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub enum ExactShape {
     /// The square |x|, |y| <= half_extent in z = 0, front up.
     PlaneZ0 {
         /// Half a side.
@@ -131,7 +138,7 @@ pub enum Shape {
 
 /// A source of light.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Emitter {
+pub struct CaseEmitter {
     /// Where the file gives one.
     pub name: Option<String>,
     /// What it is.
@@ -267,7 +274,7 @@ impl Case {
     /// # Errors
     /// No picture of that name, or it lists an object that does not exist.
     pub fn objects(&self, image: Option<&str>) -> Result<Vec<&Geometry>, AssetError> {
-        let all = self.geometry.iter().filter(|g| g.role == Role::Object);
+        let all = self.geometry.iter().filter(|g| g.role == GeometryRole::Object);
         let Some(wanted) = image.map(|name| self.image(name)).transpose()?.and_then(|i| i.objects.as_ref())
         else {
             return Ok(all.collect());
@@ -285,7 +292,7 @@ impl Case {
     ///
     /// # Errors
     /// As `objects`.
-    pub fn emitters(&self, image: Option<&str>) -> Result<Vec<&Emitter>, AssetError> {
+    pub fn emitters(&self, image: Option<&str>) -> Result<Vec<&CaseEmitter>, AssetError> {
         let wanted = image.map(|name| self.image(name)).transpose()?.and_then(|i| i.emitters.as_ref());
         let Some(wanted) = wanted else { return Ok(self.emitters.iter().collect()) };
         let known = |name: &String| {
@@ -305,7 +312,7 @@ impl Case {
     /// As `objects`.
     pub fn spheres(&self, image: Option<&str>) -> Result<Vec<(DVec3, f64)>, AssetError> {
         let spheres = self.objects(image)?.into_iter().filter_map(|g| match g.shape {
-            Shape::Sphere { centre, radius } => Some((centre, radius)),
+            ExactShape::Sphere { centre, radius } => Some((centre, radius)),
             _ => None,
         });
         Ok(spheres.collect())
@@ -325,7 +332,7 @@ impl Case {
             let (mesh, world_from_object, convex) = tessellate(&geometry.shape, subdivisions)?;
             // A sphere stands for itself; spheres for the others are fitted when they are asked for.
             let own = match geometry.shape {
-                Shape::Sphere { radius, .. } => Some((Vec3::ZERO, radius as f32)),
+                ExactShape::Sphere { radius, .. } => Some((Vec3::ZERO, radius as f32)),
                 _ => None,
             };
             let mut body = Figure::still(geometry.name.clone(), index, world_from_object, own.into_iter());
@@ -341,7 +348,7 @@ impl Case {
             let (name, material) = (geometry.name.clone(), geometry.material);
             Ok(VirtualObject { name, mesh, material, world_from_object, openness })
         });
-        let receivers = self.geometry.iter().filter(|g| g.role == Role::Receiver);
+        let receivers = self.geometry.iter().filter(|g| g.role == GeometryRole::Receiver);
         let surfaces = receivers.map(|geometry| {
             let (mesh, world_from_object, _) = tessellate(&geometry.shape, 4)?;
             let mesh = shapes::transformed(&mesh, &world_from_object);
@@ -362,17 +369,19 @@ impl Case {
 }
 
 /// Mesh in its own frame, where it stands, and whether it is convex.
-fn tessellate(shape: &Shape, subdivisions: u32) -> Result<(Mesh, Affine3A, bool), AssetError> {
+fn tessellate(shape: &ExactShape, subdivisions: u32) -> Result<(Mesh, Affine3A, bool), AssetError> {
     let at = |centre: DVec3| Affine3A::from_translation(centre.as_vec3());
     Ok(match shape {
-        Shape::PlaneZ0 { half_extent } => (shapes::plane_z0(*half_extent), Affine3A::IDENTITY, true),
-        Shape::Quad { vertices } => (shapes::quad(*vertices), Affine3A::IDENTITY, true),
-        Shape::Box { centre, half_size, yaw_rad } => {
+        ExactShape::PlaneZ0 { half_extent } => (shapes::plane_z0(*half_extent), Affine3A::IDENTITY, true),
+        ExactShape::Quad { vertices } => (shapes::quad(*vertices), Affine3A::IDENTITY, true),
+        ExactShape::Box { centre, half_size, yaw_rad } => {
             let turn = Affine3A::from_axis_angle(Vec3::Z, *yaw_rad as f32);
             (shapes::cuboid(*half_size), at(*centre) * turn, true)
         }
-        Shape::Sphere { centre, radius } => (shapes::icosphere(*radius, subdivisions), at(*centre), true),
-        Shape::Mesh { file, world_from_object } => (obj::load(file)?, *world_from_object, false),
+        ExactShape::Sphere { centre, radius } => {
+            (shapes::icosphere(*radius, subdivisions), at(*centre), true)
+        }
+        ExactShape::Mesh { file, world_from_object } => (obj::load(file)?, *world_from_object, false),
     })
 }
 

@@ -1,6 +1,6 @@
 //! The known room of a case: its receivers and the quadrilaterals that shine.
 
-use super::{Case, Emitter, EmitterKind, Role, Shape};
+use super::{Case, CaseEmitter, EmitterKind, ExactShape, GeometryRole};
 use crate::model::{
     room::{Face, Room, RoomSurface},
     scene::Material,
@@ -11,15 +11,15 @@ impl Case {
     /// Its receivers, each a surface of its name, then its quadrilateral emitters, which reflect nothing. Boxes look
     /// outwards. Spheres, meshes and lights of other kinds are no part of it; mirrors reflect nothing diffusely.
     pub fn room(&self) -> Room {
-        let receivers = self.geometry.iter().filter(|g| g.role == Role::Receiver).filter_map(|g| {
+        let receivers = self.geometry.iter().filter(|g| g.role == GeometryRole::Receiver).filter_map(|g| {
             let (corners_world, faces) = match &g.shape {
-                Shape::PlaneZ0 { half_extent: h } => {
+                ExactShape::PlaneZ0 { half_extent: h } => {
                     let corner = |x: f64, y: f64| DVec3::new(x * h, y * h, 0.0);
                     quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)])
                 }
-                Shape::Quad { vertices } => quad(*vertices),
-                Shape::Box { centre, half_size, yaw_rad } => cuboid(*centre, *half_size, *yaw_rad),
-                Shape::Sphere { .. } | Shape::Mesh { .. } => return None,
+                ExactShape::Quad { vertices } => quad(*vertices),
+                ExactShape::Box { centre, half_size, yaw_rad } => cuboid(*centre, *half_size, *yaw_rad),
+                ExactShape::Sphere { .. } | ExactShape::Mesh { .. } => return None,
             };
             let reflectance_rgb = match g.material {
                 Material::Lambert { albedo_rgb } | Material::Phong { albedo_rgb, .. } => albedo_rgb,
@@ -33,7 +33,7 @@ impl Case {
                 emitted_rgb: [0.0; 3],
             })
         });
-        let emitters = self.emitters.iter().enumerate().filter_map(|(index, Emitter { name, kind })| {
+        let emitters = self.emitters.iter().enumerate().filter_map(|(index, CaseEmitter { name, kind })| {
             let EmitterKind::Quad { vertices, radiance_rgb } = kind else { return None };
             let (corners_world, faces) = quad(*vertices);
             let name = name.clone().unwrap_or_else(|| format!("emitter {index}"));

@@ -1,6 +1,6 @@
 //! A case as it is traced: exact shapes, one-sided surfaces, its own emitters.
 
-use super::{Case, Emitter, EmitterKind, Geometry, Role, Shape, tessellate};
+use super::{Case, CaseEmitter, EmitterKind, ExactShape, Geometry, GeometryRole, tessellate};
 use crate::assets::{error::AssetError, shapes};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::scene::{Material, Mesh};
@@ -21,7 +21,7 @@ impl Case {
     pub fn trace_scene(&self, image: Option<&str>) -> Result<TraceScene, AssetError> {
         let mut scene = TraceScene::empty(self.lens, self.world_from_camera);
         scene.phong_norm = PhongNorm::EnergySafe;
-        for geometry in self.geometry.iter().filter(|g| g.role == Role::Receiver) {
+        for geometry in self.geometry.iter().filter(|g| g.role == GeometryRole::Receiver) {
             scene.real.push(body(geometry)?);
         }
         for geometry in self.objects(image)? {
@@ -33,7 +33,7 @@ impl Case {
         Ok(scene)
     }
 
-    fn shine(&self, emitter: &Emitter, scene: &mut TraceScene) -> Result<(), AssetError> {
+    fn shine(&self, emitter: &CaseEmitter, scene: &mut TraceScene) -> Result<(), AssetError> {
         let far = match &emitter.kind {
             EmitterKind::Environment { file } => {
                 let radiance = crate::open_exr::load_radiance(file)?.hdr.radiance;
@@ -72,7 +72,7 @@ impl Case {
 
 fn body(geometry: &Geometry) -> Result<TraceBody, AssetError> {
     let shape = match &geometry.shape {
-        Shape::Sphere { centre, radius } => {
+        ExactShape::Sphere { centre, radius } => {
             TraceShape::Sphere { centre: centre.as_vec3(), radius_m: *radius as f32 }
         }
         other => {
@@ -84,7 +84,7 @@ fn body(geometry: &Geometry) -> Result<TraceBody, AssetError> {
     Ok(TraceBody { name, shape, material, two_sided: false, emission: Emission::None, is_aperture: false })
 }
 
-fn lamp(emitter: &Emitter, mesh: Mesh, radiance_rgb: [f64; 3]) -> TraceBody {
+fn lamp(emitter: &CaseEmitter, mesh: Mesh, radiance_rgb: [f64; 3]) -> TraceBody {
     TraceBody {
         name: emitter.name.clone().unwrap_or_else(|| "emitter".into()),
         shape: TraceShape::Mesh(mesh),

@@ -73,7 +73,7 @@ impl PhongNorm {
         }
     }
 
-    /// From its name.
+    /// Parses a name; `None` for one that is not known.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::EnergySafe, Self::Paper].into_iter().find(|n| n.name() == name)
     }

@@ -32,14 +32,14 @@ const NONE: u32 = u32::MAX;
 /// Camera pose in f32, as the kernels use it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Camera to world.
+    /// Turns directions of the camera's frame into the world's.
     pub world_from_camera: Mat3,
     /// Camera's position, world frame, metres.
     pub eye: Vec3,
 }
 
 impl View {
-    /// Of a pose.
+    /// Takes the turn and the place of a camera in f32.
     pub fn of(pose: &Pose) -> Self {
         Self { world_from_camera: Mat3::from_quat(pose.rotation.as_quat()), eye: pose.translation.as_vec3() }
     }

@@ -18,7 +18,7 @@ const GOES_ON_S: f64 = 0.06;
 /// What became of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SampleCounts {
-    /// Taken.
+    /// Counted as sound and used.
     pub taken: u64,
     /// Left out: not finite, or faster than any hand.
     pub absurd: u64,

@@ -6,7 +6,7 @@ use glam::DVec3;
 /// A sphere in cubes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundSphere {
-    /// Centre.
+    /// In units of cubes.
     pub centre: DVec3,
     /// Above 0.
     pub radius: f64,

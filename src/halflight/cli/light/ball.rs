@@ -1,22 +1,18 @@
 //! `--as ball`: which lens, which pose, which ball.
 
 use super::{CliError, input};
-use crate::assets::{
-    calibration,
-    case::{self, Case, Shape},
-    pictures,
-};
+use crate::assets::{calibration, pictures};
 use crate::engine::{Engine, LightJob, MeasuredLight};
+use crate::lab::{
+    case::{self, Case, ExactShape},
+    open_exr::load_radiance,
+    still::bracket::LoadedBracket,
+};
 use crate::light::unwrap_ball::BallShot;
 use crate::light::{place_ball, unwrap_ball::unwrap_ball};
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
-    frame::Exposure,
-    image::{HdrImage, Rgb8Image},
-    light::RadianceSamples,
-    quality::Quality,
-    rig::MirrorBall,
-    scene::Material,
+    image::HdrImage, light::RadianceSamples, quality::Quality, rig::MirrorBall, scene::Material,
 };
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;
@@ -82,7 +78,7 @@ impl BallArguments {
 
 /// Samples of the light on a ball, world frame.
 pub fn samples(
-    arguments: &super::Arguments,
+    arguments: &super::LightArguments,
     engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<(RadianceSamples, MeasuredLight), CliError> {
@@ -92,7 +88,7 @@ pub fn samples(
     }
     let (picture, lens, pose, mut ball, on_surface) = match &options.case {
         Some(file) => {
-            let case = case::load(file).map_err(|e| CliError(e.to_string()))?;
+            let case = case::load(file)?;
             let ball = ball_of_case(&case)?;
             let picture = case_picture(&case, arguments, engine, notes)?;
             (picture, case.lens, case.world_from_camera, ball, true)
@@ -122,8 +118,7 @@ pub fn samples(
     notes.push(format!("ball of {:.4} m, {distance_m:.4} m from the camera", ball.radius_m));
     let mut samples = RadianceSamples::default();
     // Once more for the samples, which an engine keeps to itself.
-    unwrap_ball(&picture, &lens, &pose, &ball, on_surface, &mut samples)
-        .map_err(|e| CliError(e.to_string()))?;
+    unwrap_ball(&picture, &lens, &pose, &ball, on_surface, &mut samples)?;
     let job = LightJob::Ball(BallShot {
         picture: &picture,
         lens: &lens,
@@ -133,7 +128,7 @@ pub fn samples(
         without_ball: None,
     });
     let quality = Quality { sh_order: usize::from(arguments.order), ..Quality::default() };
-    let light = engine.estimate_light(&job, &quality).map_err(|e| CliError(e.to_string()))?;
+    let light = engine.estimate_light(&job, &quality)?;
     Ok((samples, light))
 }
 
@@ -141,12 +136,14 @@ fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
     case.geometry
         .iter()
         .find_map(|geometry| match (&geometry.shape, geometry.material) {
-            (Shape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => Some(MirrorBall {
-                surface_radius_m: None,
-                centre_world: *centre,
-                radius_m: *radius,
-                reflectance_rgb,
-            }),
+            (ExactShape::Sphere { centre, radius }, Material::Mirror { reflectance_rgb }) => {
+                Some(MirrorBall {
+                    surface_radius_m: None,
+                    centre_world: *centre,
+                    radius_m: *radius,
+                    reflectance_rgb,
+                })
+            }
             _ => None,
         })
         .ok_or_else(|| CliError(format!("{}: geometry: must have a mirror sphere", case.file.display())))
@@ -154,28 +151,22 @@ fn ball_of_case(case: &Case) -> Result<MirrorBall, CliError> {
 
 fn case_picture(
     case: &Case,
-    arguments: &super::Arguments,
+    arguments: &super::LightArguments,
     engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<HdrImage, CliError> {
-    let fail = |e: crate::assets::error::AssetError| CliError(e.to_string());
     if arguments.ball.photographs {
         let photographs = case.photographs.as_ref().ok_or_else(|| {
             CliError(format!("{}: photographs: must be there for --photographs", case.file.display()))
         })?;
-        let loaded = photographs
-            .exposures
-            .iter()
-            .map(|(file, _)| pictures::load_rgb8(file).map_err(fail))
-            .collect::<Result<Vec<_>, _>>()?;
-        let loaded: Vec<&Rgb8Image> = loaded.iter().collect();
-        let exposures: Vec<Exposure> =
-            photographs.exposures.iter().map(|(_, time_s)| Exposure { time_s: *time_s, gain: 1.0 }).collect();
-        return input::merge(&loaded, &exposures, &photographs.response, engine);
+        let files = photographs.exposures.iter().map(|(file, _)| pictures::load_rgb8(file));
+        let times_s: Vec<f64> = photographs.exposures.iter().map(|(_, time_s)| *time_s).collect();
+        let bracket = LoadedBracket::new(files.collect::<Result<_, _>>()?, &times_s);
+        return Ok(bracket.merge(&photographs.response, engine)?);
     }
     if arguments.images.is_empty() {
-        let file = &case.image("hdr").map_err(fail)?.file;
-        return Ok(pictures::load_radiance(file).map_err(fail)?.hdr);
+        let file = &case.image("hdr")?.file;
+        return Ok(load_radiance(file)?.hdr);
     }
     input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), engine, notes)
 }
@@ -183,9 +174,8 @@ fn case_picture(
 fn lens_of(options: &BallArguments, picture: &HdrImage) -> Result<Lens, CliError> {
     let (width, height) = (picture.radiance.width(), picture.radiance.height());
     if let Some(file) = &options.camera {
-        return calibration::load(file)
-            .and_then(|lens| calibration::for_picture(lens, width, height, file))
-            .map_err(|e| CliError(e.to_string()));
+        let lens = calibration::load(file)?;
+        return Ok(calibration::for_picture(lens, width, height, file)?);
     }
     let Some(text) = &options.focal else {
         return Err(CliError("--as ball: must have --case, --camera or --focal".into()));

@@ -1,12 +1,12 @@
 //! `--format`: the light as JSON, in our own shape and in those of other programs.
 
-use super::Measured;
+use super::MeasuredPlace;
 use crate::light::foreign::{Phase, YUpLight, y_up_light};
 use serde_json::{Value, json};
 
 /// Shapes of JSON.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum LightFormat {
     /// Our own, as --json prints it.
     Json,
     /// The structures of the OpenXR extension XR_ANDROID_light_estimation.
@@ -19,20 +19,20 @@ pub enum Shape {
 }
 
 /// The light in a shape.
-pub fn of(measured: &Measured, shape: Shape) -> Value {
+pub fn of(measured: &MeasuredPlace, shape: LightFormat) -> Value {
     let y_up = |phase| y_up_light(&measured.total, &measured.split, phase);
     match shape {
-        Shape::Json => own(measured),
-        Shape::AndroidXr => android_xr(&y_up(Phase::CondonShortley), STILL_NS),
-        Shape::Webxr => webxr(&y_up(Phase::Plain)),
-        Shape::ThreeJs => three_js(&y_up(Phase::Plain)),
+        LightFormat::Json => own(measured),
+        LightFormat::AndroidXr => android_xr(&y_up(Phase::CondonShortley), STILL_NS),
+        LightFormat::Webxr => webxr(&y_up(Phase::Plain)),
+        LightFormat::ThreeJs => three_js(&y_up(Phase::Plain)),
     }
 }
 
 /// Time of a still, which has none.
 const STILL_NS: i64 = 0;
 
-fn own(measured: &Measured) -> Value {
+fn own(measured: &MeasuredPlace) -> Value {
     let direct = measured.split.direct;
     let flags = &measured.flags;
     json!({

@@ -1,18 +1,15 @@
 //! Pictures in: one linear picture, or 8-bit exposures merged.
 
-use crate::cli::{CliError, bracket::steady};
+use crate::cli::{CliError, hdr::exposure_time_s};
+use crate::lab::{open_exr::load_radiance, still::bracket::LoadedBracket};
 use crate::{
     assets::pictures,
-    engine::{Bracket, Engine},
+    engine::Engine,
     hdr::{
         merge_bracket::MAX_PICTURES,
         response::{Origin, SolveOptions, solve},
     },
-    model::{
-        frame::Exposure,
-        image::{HdrImage, Rgb8Image},
-        response::Response,
-    },
+    model::{image::HdrImage, response::Response},
 };
 use std::path::{Path, PathBuf};
 
@@ -35,7 +32,7 @@ pub fn merged(
         )));
     }
     if let Some(file) = linear {
-        return Ok(pictures::load_radiance(file).map_err(|e| CliError(e.to_string()))?.hdr);
+        return Ok(load_radiance(file)?.hdr);
     }
     let times_s: Vec<f64> = match (times, files) {
         // One exposure tells radiance only up to a scale: 1 s.
@@ -49,28 +46,23 @@ pub fn merged(
             files.len()
         )));
     }
-    let mut loaded = files
-        .iter()
-        .map(|file| pictures::load_rgb8(file).map_err(|e| CliError(e.to_string())))
-        .collect::<Result<Vec<_>, _>>()?;
-    let exposures: Vec<Exposure> = times_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
-    let first = choose_response(response, &loaded, &exposures, &mut Vec::new())?;
-    notes.extend(steady(&mut loaded, &exposures, &first));
-    let response = choose_response(response, &loaded, &exposures, notes)?;
-    merge(&loaded.iter().collect::<Vec<_>>(), &exposures, &response, engine)
+    let pictures = files.iter().map(|file| pictures::load_rgb8(file)).collect::<Result<Vec<_>, _>>()?;
+    let mut bracket = LoadedBracket::new(pictures, &times_s);
+    let first = choose_response(response, &bracket, &mut Vec::new())?;
+    notes.extend(bracket.steady(&first));
+    let response = choose_response(response, &bracket, notes)?;
+    Ok(bracket.merge(&response, engine)?)
 }
 
 fn choose_response(
     asked: Option<&str>,
-    pictures: &[Rgb8Image],
-    exposures: &[Exposure],
+    bracket: &LoadedBracket,
     notes: &mut Vec<String>,
 ) -> Result<Response, CliError> {
     Ok(match asked.unwrap_or("srgb") {
         "srgb" => Response::srgb(),
         "solve" => {
-            let pictures: Vec<&Rgb8Image> = pictures.iter().collect();
-            let recovered = solve(&pictures, exposures, &SolveOptions::default());
+            let recovered = solve(&bracket.refs(), &bracket.exposures, &SolveOptions::default());
             match recovered.origin {
                 Origin::Solved { residual_rms } => {
                     notes.push(format!(
@@ -87,34 +79,13 @@ fn choose_response(
     })
 }
 
-/// Merges on the engine asked for.
-pub fn merge(
-    pictures: &[&Rgb8Image],
-    exposures: &[Exposure],
-    response: &Response,
-    engine: &mut dyn Engine,
-) -> Result<HdrImage, CliError> {
-    let mut picture = HdrImage::default();
-    engine
-        .merge_bracket(&Bracket { pictures, exposures }, response, &mut picture)
-        .map_err(|e| CliError(e.to_string()))?;
-    Ok(picture)
-}
-
 fn is_8_bit(file: &Path) -> bool {
     let ending = file.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     ["png", "jpg", "jpeg"].contains(&ending.as_str())
 }
 
-/// Seconds from `0.025` or `1/40`.
 fn seconds(text: &str) -> Result<f64, CliError> {
-    let number = |part: &str| part.trim().parse::<f64>().ok();
-    let time_s = match text.split_once('/') {
-        Some((top, bottom)) => number(top).zip(number(bottom)).map(|(top, bottom)| top / bottom),
-        None => number(text),
-    };
-    time_s
-        .filter(|t| t.is_finite() && *t > 0.0)
+    exposure_time_s(text)
         .ok_or_else(|| CliError(format!("--times {text}: must be seconds above 0, such as 0.025 or 1/40")))
 }
 

@@ -5,9 +5,11 @@ mod formats;
 mod input;
 mod report;
 
-use super::{CliError, Common};
-use crate::assets::{dds, pictures};
+use super::output::PictureFormat;
+use super::{CliError, GlobalOptions};
+use crate::assets::dds;
 use crate::engine::{Engine, MeasuredLight};
+use crate::lab::open_exr::load_raw;
 use crate::light::{
     cone::cone_of_samples,
     maps::{self, MapAxes, TexelPoint},
@@ -55,26 +57,26 @@ Examples:
 /// Arguments of `halflight light`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
-pub struct Arguments {
+pub struct LightArguments {
     /// One picture, the exposures of one bracket (with --times), or six faces of a cube. May be left out with --case.
     #[arg(value_name = "IMAGE")]
     pub images: Vec<PathBuf>,
     /// What the picture shows.
     #[arg(long = "as", value_enum, value_name = "KIND")]
-    pub kind: Kind,
+    pub kind: PictureKind,
     /// Order of the spherical harmonics, 1 to 6: bands 0 to N-1. Order 1 has no direction.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=6))]
     pub order: u8,
     /// Which gray gives the direction.
-    #[arg(long, value_enum, default_value_t = Gray::Rec601)]
-    pub gray: Gray,
+    #[arg(long, value_enum, default_value_t = GrayChoice::Rec601)]
+    pub gray: GrayChoice,
     /// Write the light as an equirectangular picture in the world frame, made from the samples: .exr (32-bit float),
     /// .hdr, or .png (8 bits through sRGB, nine tenths of the pixels below 0.8).
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Print the light as JSON in this shape.
     #[arg(long, value_enum, value_name = "SHAPE")]
-    pub format: Option<formats::Shape>,
+    pub format: Option<formats::LightFormat>,
     /// Rows of that picture; it has twice as many columns.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub out_height: u16,
@@ -113,7 +115,7 @@ pub struct Arguments {
 
 /// What a picture shows.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PictureKind {
     /// A photograph with a mirror ball in it.
     Ball,
     /// Debevec's angular map, square.
@@ -158,9 +160,9 @@ pub enum Texels {
     Corner,
 }
 
-/// Gray weights.
+/// GrayChoice weights.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gray {
+pub enum GrayChoice {
     /// 0.3, 0.59, 0.11 [Now11].
     Rec601,
     /// 0.2126, 0.7152, 0.0722.
@@ -168,7 +170,7 @@ pub enum Gray {
 }
 
 /// Light as measured, and all that is told about it.
-pub struct Measured {
+pub struct MeasuredPlace {
     total: RadianceSh,
     split: SplitLight,
     cone95_rad: f64,
@@ -180,16 +182,17 @@ pub struct Measured {
 }
 
 /// Runs `halflight light`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let format = arguments.out.as_deref().map(report::Format::of).transpose()?;
+pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let allowed = [PictureFormat::Exr, PictureFormat::Hdr, PictureFormat::Png];
+    let format = arguments.out.as_deref().map(|out| PictureFormat::of(out, &allowed)).transpose()?;
     if !arguments.turn.is_finite() {
         return Err(CliError(format!("--turn = {}: must be finite, in degrees", arguments.turn)));
     }
     let mut notes = Vec::new();
-    let mut engine = common.open_engine()?;
+    let mut engine = global.open_engine()?;
     let (samples, MeasuredLight { total, flags }) = match arguments.kind {
-        Kind::Ball => ball::samples(&arguments, engine.as_mut(), &mut notes)?,
-        Kind::Angular | Kind::Cube | Kind::Equirect => {
+        PictureKind::Ball => ball::samples(&arguments, engine.as_mut(), &mut notes)?,
+        PictureKind::Angular | PictureKind::Cube | PictureKind::Equirect => {
             // Maps may have other axes than an engine takes: they are projected here, on the CPU.
             let (samples, flags) = map_samples(&arguments, engine.as_mut(), &mut notes)?;
             let total = project_sh(&samples, usize::from(arguments.order));
@@ -197,11 +200,11 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         }
     };
     let gray_weights = match arguments.gray {
-        Gray::Rec601 => GRAY_PAPER,
-        Gray::Rec709 => GRAY_REC709,
+        GrayChoice::Rec601 => GRAY_PAPER,
+        GrayChoice::Rec709 => GRAY_REC709,
     };
     let options = SplitOptions { gray_weights, ..SplitOptions::default() };
-    let measured = Measured {
+    let measured = MeasuredPlace {
         total,
         split: split(&total, &options),
         cone95_rad: cone_of_samples(&samples, &total, &options),
@@ -211,8 +214,8 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         samples,
         notes,
     };
-    let digest = report::picture(&arguments, common, format, &measured.samples)?;
-    let shape = arguments.format.or(common.json.then_some(formats::Shape::Json));
+    let digest = report::picture(&arguments, global, format, &measured.samples)?;
+    let shape = arguments.format.or(global.json.then_some(formats::LightFormat::Json));
     match shape {
         Some(shape) => report::json(&measured, shape),
         None => report::text(&arguments, &measured),
@@ -228,7 +231,7 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
 
 /// Samples of an environment map, world frame.
 fn map_samples(
-    arguments: &Arguments,
+    arguments: &LightArguments,
     engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<(RadianceSamples, LightFlags), CliError> {
@@ -262,24 +265,23 @@ fn map_samples(
 }
 
 fn load_map(
-    arguments: &Arguments,
+    arguments: &LightArguments,
     engine: &mut dyn Engine,
     notes: &mut Vec<String>,
 ) -> Result<EnvironmentMap, CliError> {
-    let fail = |e: crate::assets::error::AssetError| CliError(e.to_string());
     let layout = match arguments.kind {
-        Kind::Angular => MapLayout::Angular,
-        Kind::Cube => MapLayout::Cube,
-        Kind::Equirect | Kind::Ball => MapLayout::Equirect,
+        PictureKind::Angular => MapLayout::Angular,
+        PictureKind::Cube => MapLayout::Cube,
+        PictureKind::Equirect | PictureKind::Ball => MapLayout::Equirect,
     };
-    if arguments.kind == Kind::Cube && arguments.times.is_empty() {
+    if arguments.kind == PictureKind::Cube && arguments.times.is_empty() {
         if let Ok(faces) = <&[PathBuf; 6]>::try_from(arguments.images.as_slice()) {
-            return dds::load_cube_faces(faces, pictures::load_raw).map_err(fail);
+            return Ok(dds::load_cube_faces(faces, load_raw)?);
         }
         if let [file] = arguments.images.as_slice()
             && file.extension().is_some_and(|e| e.eq_ignore_ascii_case("dds"))
         {
-            return dds::load_cube(file).map_err(fail);
+            return Ok(dds::load_cube(file)?);
         }
         if arguments.images.len() > 1 {
             let count = arguments.images.len();
@@ -294,7 +296,7 @@ fn load_map(
         && let [file] = arguments.images.as_slice()
     {
         // As the file holds it: what is no radiance is replaced and counted with the samples.
-        return Ok(EnvironmentMap { layout, radiance: pictures::load_raw(file).map_err(fail)? });
+        return Ok(EnvironmentMap { layout, radiance: load_raw(file)? });
     }
     let picture =
         input::merged(&arguments.images, &arguments.times, arguments.response.as_deref(), engine, notes)?;

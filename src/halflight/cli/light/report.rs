@@ -1,54 +1,34 @@
 //! What `halflight light` tells: text, JSON, picture.
 
 use super::{
-    Arguments, CliError, Measured,
-    formats::{self, Shape},
+    CliError, LightArguments, MeasuredPlace,
+    formats::{self, LightFormat},
 };
 use crate::assets::pictures;
-use crate::cli::common::{Common, PixelDigest};
+use crate::cli::{GlobalOptions, output::PictureFormat};
+use crate::lab::{digest::PixelDigest, open_exr::save_exr_f32};
 use crate::light::maps;
 use crate::math::color::{luminance, srgb_encode};
 use crate::model::{
     image::{RadianceImage, Rgb8Image},
     light::RadianceSamples,
 };
-use std::path::Path;
-
-/// Picture formats for `--out`.
-#[derive(Clone, Copy, Debug)]
-pub enum Format {
-    Exr,
-    Hdr,
-    Png,
-}
-
-impl Format {
-    /// By the file's ending.
-    pub fn of(out: &Path) -> Result<Self, CliError> {
-        match out.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("exr") => Ok(Self::Exr),
-            Some("hdr" | "pic") => Ok(Self::Hdr),
-            Some("png") => Ok(Self::Png),
-            _ => Err(CliError(format!("--out {}: must end in .exr, .hdr or .png", out.display()))),
-        }
-    }
-}
 
 /// Writes the light as a picture; gives its digest where that is asked for.
 pub fn picture(
-    arguments: &Arguments,
-    common: &Common,
-    format: Option<Format>,
+    arguments: &LightArguments,
+    global: &GlobalOptions,
+    format: Option<PictureFormat>,
     samples: &RadianceSamples,
 ) -> Result<Option<String>, CliError> {
-    if format.is_none() && !common.digest {
+    if format.is_none() && !global.digest {
         return Ok(None);
     }
     let picture = maps::equirect_of_samples(samples, usize::from(arguments.out_height))
         .ok_or_else(|| CliError("--out: there are no samples to draw".into()))?;
     let mut digest = PixelDigest::default();
     let shown = match format {
-        Some(Format::Png) => Some(display(&picture)),
+        Some(PictureFormat::Png) => Some(display(&picture)),
         _ => None,
     };
     match &shown {
@@ -57,13 +37,12 @@ pub fn picture(
     }
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match (format, &shown) {
-            (Format::Exr, _) => pictures::save_exr_f32(out, &picture),
-            (Format::Png, Some(shown)) => pictures::save_png(out, shown),
-            (Format::Hdr | Format::Png, _) => pictures::save_hdr(out, &picture),
-        }
-        .map_err(|e| CliError(e.to_string()))?;
+            (PictureFormat::Exr, _) => save_exr_f32(out, &picture),
+            (PictureFormat::Png, Some(shown)) => pictures::save_png(out, shown),
+            (PictureFormat::Hdr | PictureFormat::Png, _) => pictures::save_hdr(out, &picture),
+        }?;
     }
-    Ok(common.digest.then(|| digest.hex()))
+    Ok(global.digest.then(|| digest.hex()))
 }
 
 /// 8 bits through sRGB, scaled so that nine tenths of the pixels lie below 0.8.
@@ -81,7 +60,7 @@ fn display(radiance: &RadianceImage) -> Rgb8Image {
 }
 
 /// The light as JSON, alone on standard output.
-pub fn json(measured: &Measured, shape: Shape) {
+pub fn json(measured: &MeasuredPlace, shape: LightFormat) {
     let report = formats::of(measured, shape);
     for note in measured.notes.iter().filter(|note| note.starts_with("warning")) {
         eprintln!("{note}");
@@ -90,7 +69,7 @@ pub fn json(measured: &Measured, shape: Shape) {
 }
 
 /// The same for people.
-pub fn text(arguments: &Arguments, measured: &Measured) {
+pub fn text(arguments: &LightArguments, measured: &MeasuredPlace) {
     for note in &measured.notes {
         if note.starts_with("warning") { eprintln!("{note}") } else { println!("{note}") }
     }

@@ -5,14 +5,16 @@ mod report;
 mod sheet;
 pub mod statistics;
 
-use super::{CliError, Common, common::PixelDigest, quality_flags::QualityFlags};
+use super::output::{make_folder, write_file};
+use super::progress::{Bar, host};
+use super::{CliError, GlobalOptions, quality_flags::QualityFlags};
 use crate::assets::pictures;
-use crate::cli::progress::host;
 use crate::config::{
     keys::KEYS,
     settings::{RunMode, Settings},
 };
 use crate::daemon::{prepare::prepare, run::run as run_prepared};
+use crate::lab::digest::PixelDigest;
 use crate::model::picture::Picture;
 use crate::pipeline::{
     PipelineError,
@@ -20,19 +22,22 @@ use crate::pipeline::{
 };
 use crate::plan::PassTiming;
 use film::Film;
-use indicatif::{ProgressBar, ProgressStyle};
-use report::Report;
-use sheet::Sheet;
+use report::ReplayReport;
+use sheet::ContactSheet;
 use statistics::FrameNumbers;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Run a recording through the daemon's own pipeline and leave pictures, a film and a report.
-///
-/// Example: halflight replay desk.mcap --scene desk.toml --out out
-/// leaves out/frames/*.png, out/contact_sheet.png, out/replay.mp4 (where ffmpeg is installed), out/report.json and
-/// out/index.html. The result is the same every time.
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+Run a recording through the daemon's own pipeline. Leaves pictures, a film and a report. The result is the \
+same every time.\n\n\
+The folder then holds frames/*.png, contact_sheet.png, replay.mp4 (where ffmpeg is installed), report.json \
+and index.html.\n\n\
+Example: halflight replay desk.mcap --scene desk.toml --out out";
+
+/// Arguments of `halflight replay`.
 #[derive(clap::Args, Debug)]
-pub struct Arguments {
+pub struct ReplayArguments {
     /// Recording (MCAP), or any device name such as synthetic:frames=30.
     #[arg(value_name = "REC")]
     recording: String,
@@ -42,31 +47,32 @@ pub struct Arguments {
     /// Settings file; what is given on the command line wins.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Folder for the results; it is made where it is missing.
+    /// Folder for the results. It is made where it is missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Stop after this many frames.
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
-    /// As time passes instead of frame by frame: the newest frame wins.
+    /// Run in real time: where frames come faster than they can be drawn, the newest one is taken.
     #[arg(long)]
     realtime: bool,
     /// What is shown: light, direct, global, cast, self, lambert, phong, mirror, blockers, maps or final.
     #[arg(long, value_name = "VIEW")]
     view: Option<String>,
-    /// Lay text over every picture: each effect, whether it is on, kept or off, and why.
+    /// Write over every picture which effects are on, kept or off, and why.
     #[arg(long)]
     hud: bool,
     /// Leave out the PNG of every frame.
     #[arg(long)]
     no_frames: bool,
-    /// A frame may take so long, milliseconds: the governor walks along the measured front to the settings that err least.
+    /// Time that a frame may take, in milliseconds. The governor walks along the measured front to the most accurate settings
+    /// that keep it.
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
-    /// The same as a rate, pictures a second.
+    /// The same as a rate: pictures a second.
     #[arg(long, value_name = "FPS")]
     target_fps: Option<f64>,
-    /// The error of shadows may be so large: the cheapest settings of the front that keep it.
+    /// Error that shadows may have. The governor takes the cheapest settings of the front that keep it.
     #[arg(long, value_name = "ERROR")]
     max_error: Option<f64>,
     #[command(flatten)]
@@ -74,24 +80,22 @@ pub struct Arguments {
 }
 
 /// Runs `halflight replay`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let settings = settings_of(&arguments, common)?;
-    let prepared = prepare(&settings, &host()).map_err(|e| CliError(e.to_string()))?;
+pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let settings = settings_of(&arguments, global)?;
+    let prepared = prepare(&settings, &host())?;
     if let Some(out) = &arguments.out {
-        let frames = out.join("frames");
-        std::fs::create_dir_all(&frames)
-            .map_err(|e| CliError::on(frames.display(), format!("cannot be made: {e}")))?;
+        make_folder(&out.join("frames"))?;
     }
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
-    let mut sink = Collector::new(&arguments, total);
+    let mut sink = ReplayCollector::new(&arguments, total);
     let engine = prepared.engine.clone();
-    let ran = run_prepared(prepared, &settings, &mut sink).map_err(|e| CliError(e.to_string()))?;
-    sink.progress.finish_and_clear();
+    let ran = run_prepared(prepared, &settings, &mut sink)?;
+    drop(sink.progress.take());
     if ran.counts.frames == 0 {
         return Err(CliError::on(&arguments.recording, "holds no frames"));
     }
     let has_film = sink.finish_film();
-    let report = Report {
+    let report = ReplayReport {
         recording: arguments.recording.clone(),
         engine,
         counts: ran.counts,
@@ -103,12 +107,12 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
     };
     if let Some(out) = &arguments.out {
         if let Some(picture) = sink.sheet.picture() {
-            save(&out.join("contact_sheet.png"), &picture)?;
+            pictures::save_png(&out.join("contact_sheet.png"), &picture)?;
         }
-        write(&out.join("report.json"), &format!("{:#}\n", report.json()))?;
-        write(&out.join("index.html"), &report.page(has_film))?;
+        write_file(&out.join("report.json"), format!("{:#}\n", report.json()))?;
+        write_file(&out.join("index.html"), report.page(has_film))?;
     }
-    if common.json {
+    if global.json {
         println!("{}", report.json());
     } else {
         print!("{}", report.table());
@@ -116,18 +120,14 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
             println!("\nresults in {}", out.display());
         }
     }
-    if common.digest && !common.json {
+    if global.digest && !global.json {
         println!("digest {}", report.digest);
     }
     Ok(())
 }
 
-fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliError> {
-    let mut settings = match &arguments.config {
-        Some(path) => common.settings_from(path)?,
-        None => Settings::default(),
-    };
-    common.apply(&mut settings);
+fn settings_of(arguments: &ReplayArguments, global: &GlobalOptions) -> Result<Settings, CliError> {
+    let mut settings = global.settings(arguments.config.as_deref())?;
     let name = &arguments.recording;
     settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
     settings.mode = if arguments.realtime { RunMode::Realtime } else { RunMode::Lockstep };
@@ -156,37 +156,22 @@ fn settings_of(arguments: &Arguments, common: &Common) -> Result<Settings, CliEr
     Ok(settings)
 }
 
-fn save(path: &Path, picture: &crate::model::image::Rgb8Image) -> Result<(), CliError> {
-    pictures::save_png(path, picture).map_err(|e| CliError(e.to_string()))
-}
-
-fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    std::fs::write(path, text).map_err(|e| CliError::on(path.display(), format!("cannot be written: {e}")))
-}
-
 /// Gathers what the report needs and writes pictures as they come.
-struct Collector {
+struct ReplayCollector {
     out: Option<PathBuf>,
     frames_folder: Option<PathBuf>,
     film: Option<Film>,
     film_started: bool,
-    sheet: Sheet,
+    sheet: ContactSheet,
     digest: PixelDigest,
     numbers: Vec<FrameNumbers>,
     passes: Vec<PassTiming>,
     light: Option<crate::model::estimate::LightEstimate>,
-    progress: ProgressBar,
+    progress: Option<Bar>,
 }
 
-impl Collector {
-    fn new(arguments: &Arguments, total: Option<u64>) -> Self {
-        let progress = match total {
-            Some(n) => ProgressBar::new(n),
-            None => ProgressBar::new_spinner(),
-        };
-        if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
-            progress.set_style(style);
-        }
+impl ReplayCollector {
+    fn new(arguments: &ReplayArguments, total: Option<u64>) -> Self {
         let frames_folder =
             arguments.out.as_ref().filter(|_| !arguments.no_frames).map(|out| out.join("frames"));
         Self {
@@ -194,12 +179,12 @@ impl Collector {
             frames_folder,
             film: None,
             film_started: false,
-            sheet: Sheet::default(),
+            sheet: ContactSheet::default(),
             digest: PixelDigest::default(),
             numbers: Vec::new(),
             passes: Vec::new(),
             light: None,
-            progress,
+            progress: Some(Bar::of_count(total, "frames")),
         }
     }
 
@@ -231,7 +216,7 @@ impl Collector {
     }
 }
 
-impl FrameSink for Collector {
+impl FrameSink for ReplayCollector {
     fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
         let FinishedFrame { raw, truth, outcome, passes, picture } = *finished;
         self.passes.extend_from_slice(passes);
@@ -248,7 +233,9 @@ impl FrameSink for Collector {
             let path = folder.join(format!("frame_{:06}.png", raw.sequence));
             pictures::save_png(&path, &picture.display).map_err(|e| PipelineError::Output(e.to_string()))?;
         }
-        self.progress.inc(1);
+        if let Some(bar) = &self.progress {
+            bar.add_one();
+        }
         Ok(true)
     }
 }

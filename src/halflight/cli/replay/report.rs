@@ -1,6 +1,10 @@
 //! The report of a run: a table for the terminal, JSON for machines, a page with plots for people.
 
 use super::statistics::{FrameNumbers, Spread, WARM_UP_FRAMES, after_warm_up, stage};
+use crate::lab::page::{
+    html::escaped,
+    svg::{Anchor, Scale, Svg},
+};
 use crate::model::estimate::LightEstimate;
 use crate::pipeline::{frame::Stage, turns::RunCounts};
 use crate::plan::{FramePlan, PassTiming, PlannedPass};
@@ -8,7 +12,7 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// All that a run left.
-pub struct Report {
+pub struct ReplayReport {
     /// As the user named the recording.
     pub recording: String,
     /// The engine in one line.
@@ -27,7 +31,7 @@ pub struct Report {
     pub digest: String,
 }
 
-impl Report {
+impl ReplayReport {
     /// Stable JSON; numbers carry units in their names.
     pub fn json(&self) -> Value {
         let mut stages = serde_json::Map::new();
@@ -152,6 +156,13 @@ impl Report {
         for planned in &self.last_plan.left_out {
             let _ = writeln!(out, "  {:<30}left out: {}", planned.pass.name(), planned.reason);
         }
+        self.write_errors(&mut out);
+        self.write_light(&mut out);
+        out
+    }
+
+    /// The lines on errors against the truth, where there is one.
+    fn write_errors(&self, out: &mut String) {
         let rows = [
             ("light direction error", "deg", after_warm_up(&self.frames, |f| f.direction_error_deg)),
             (
@@ -171,6 +182,10 @@ impl Report {
                 let _ = writeln!(out, "{name:<26}{:>10.3}{:>10.3}{:>10.3} {unit}", s.median, s.p95, s.max);
             }
         }
+    }
+
+    /// The lines on the last light, where one was measured.
+    fn write_light(&self, out: &mut String) {
         if let Some(light) = &self.light {
             match &light.split.direct {
                 Some(d) => {
@@ -190,7 +205,6 @@ impl Report {
                 }
             }
         }
-        out
     }
 
     /// A page with the contact sheet and plots; `has_film`: whether replay.mp4 lies beside it.
@@ -217,44 +231,30 @@ impl Report {
         format!(
             "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>half-light replay</title>\
              <style>body{{font:15px/1.5 sans-serif;max-width:1320px;margin:2em auto;padding:0 1em;color:#222}}\
-             pre{{background:#f4f4f2;padding:1em;overflow:auto}}img{{max-width:100%}}svg{{margin:0 1em 1em 0}}</style>\
+             pre{{background:#f4f4f2;padding:1em;overflow:auto}}img{{max-width:100%}}svg{{width:600px;margin:0 1em 1em 0}}</style>\
              <h1>half-light replay</h1><p><img src=\"contact_sheet.png\" alt=\"contact sheet\"></p>{film}{plots}<pre>{}</pre></html>\n",
-            escape(&self.table())
+            escaped(&self.table())
         )
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 /// A line plot over the frame number, from zero.
 fn plot(title: &str, values: &[Option<f64>]) -> String {
-    const W: f64 = 600.0;
-    const H: f64 = 180.0;
-    let top =
-        values.iter().flatten().fold(0.0_f64, |a, &b| if b.is_finite() { a.max(b) } else { a }).max(1e-9);
-    let x = |i: usize| 50.0 + (W - 60.0) * i as f64 / (values.len().max(2) - 1) as f64;
-    let y = |v: f64| H - 25.0 - (H - 50.0) * (v / top).clamp(0.0, 1.0);
-    let mut path = String::new();
-    let mut pen_down = false;
-    for (i, value) in values.iter().enumerate() {
-        match value {
-            Some(v) if v.is_finite() => {
-                path.push_str(&format!("{}{:.1} {:.1} ", if pen_down { 'L' } else { 'M' }, x(i), y(*v)));
-                pen_down = true;
-            }
-            _ => pen_down = false,
-        }
-    }
-    format!(
-        "<svg width=\"{W}\" height=\"{H}\" font-family=\"sans-serif\" font-size=\"12\"><text x=\"50\" y=\"14\">{title}</text>\
-         <path d=\"M50 25V{b}H{r}\" fill=\"none\" stroke=\"#999\"/><text x=\"45\" y=\"30\" text-anchor=\"end\">{top:.2}</text>\
-         <text x=\"45\" y=\"{b}\" text-anchor=\"end\">0</text><text x=\"{r}\" y=\"{t}\" text-anchor=\"end\">frame {last}</text>\
-         <path d=\"{path}\" fill=\"none\" stroke=\"#0a6\" stroke-width=\"1.5\"/></svg>",
-        b = H - 25.0,
-        r = W - 10.0,
-        t = H - 8.0,
-        last = values.len().saturating_sub(1),
-    )
+    const SIZE: [f64; 2] = [600.0, 180.0];
+    let known = values.iter().flatten().copied().filter(|v| v.is_finite());
+    let top = known.fold(0.0, f64::max).max(1e-9);
+    let last = values.len().saturating_sub(1);
+    let x = Scale::linear([0.0, last.max(1) as f64], [50.0, SIZE[0] - 10.0]);
+    let y = Scale::linear([0.0, top], [SIZE[1] - 25.0, 25.0]);
+    let ([left, right], [bottom, ceiling]) = (x.pixels, y.pixels);
+    let mut svg = Svg::new(SIZE, 12);
+    svg.text([left, 14.0], Anchor::Start, title);
+    svg.line([left, ceiling], [left, bottom], "stroke=\"#999\"");
+    svg.line([left, bottom], [right, bottom], "stroke=\"#999\"");
+    svg.text([left - 5.0, ceiling + 5.0], Anchor::End, &format!("{top:.2}"));
+    svg.text([left - 5.0, bottom], Anchor::End, "0");
+    svg.text([right, SIZE[1] - 8.0], Anchor::End, &format!("frame {last}"));
+    let points = values.iter().enumerate().map(|(i, v)| v.map(|v| [x.at(i as f64), y.at(v)]));
+    svg.curve(points, "#0a6", 1.5);
+    svg.finish()
 }

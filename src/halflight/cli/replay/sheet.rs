@@ -11,13 +11,13 @@ const GAP: usize = 4;
 
 /// Collects pictures for a sheet without keeping all of them: every time it is full, every other one goes.
 #[derive(Default)]
-pub struct Sheet {
+pub struct ContactSheet {
     tiles: Vec<Rgb8Image>,
     every: usize,
     seen: usize,
 }
 
-impl Sheet {
+impl ContactSheet {
     /// Offers a picture.
     pub fn offer(&mut self, picture: &Rgb8Image) {
         self.every = self.every.max(1);
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn sheet_spans_first_to_last() {
-        let mut sheet = Sheet::default();
+        let mut sheet = ContactSheet::default();
         for i in 0..90u8 {
             sheet.offer(&Image::filled(8, 6, [i, 0, 0]));
         }
@@ -97,6 +97,6 @@ mod tests {
 
     #[test]
     fn no_pictures_no_sheet() {
-        assert!(Sheet::default().picture().is_none());
+        assert!(ContactSheet::default().picture().is_none());
     }
 }

@@ -2,29 +2,27 @@
 
 mod panorama;
 
-use super::{CliError, Common, common::PixelDigest};
+use super::output::{make_folder, say, say_digest, write_file};
+use super::progress::{Bar, host};
+use super::render::is_scene_file;
+use super::{CliError, GlobalOptions};
 use crate::assets::{
-    case,
     known_room::{ReadyRoom, make_ready_with},
     pictures,
     scene::{self, RoomLightSource, RoomSource},
 };
-use crate::cli::progress::host;
-use crate::daemon::cache_folder::cache_folder;
+use crate::daemon::{cache_folder::cache_folder, host::Task};
+use crate::lab::digest::PixelDigest;
+use crate::lab::{case, open_exr::load_radiance};
 use crate::model::{image::RadianceImage, light::MapLayout};
 use crate::nearfield::{
     faces::Faces,
     prepare::{CameraPicture, KnownRoom, RoomSettings},
 };
 use glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
 use panorama::Panorama;
 use serde_json::{Value, json};
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::PathBuf, time::Instant};
 
 const AFTER_HELP: &str = "\
 FILE is a scene file with a [room] section (.toml), a glTF of the room (.glb, .gltf), or a reference case (folder or
@@ -44,7 +42,7 @@ Example: halflight room room.glb --probe room.hdr --at 0,0,0.4 --patch 0.2 --out
 /// Arguments of `halflight room`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
-pub struct Arguments {
+pub struct RoomArguments {
     /// Scene file, glTF, or reference case.
     pub file: PathBuf,
     /// Folder for pictures and report; made if need be.
@@ -101,8 +99,10 @@ pub enum LayoutChoice {
 }
 
 /// Runs `halflight room`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let fail = |error: &dyn std::fmt::Display| CliError(error.to_string());
+///
+/// # Errors
+/// A mistake in the arguments; a room that cannot be read or prepared; a file that cannot be written.
+pub fn run(arguments: RoomArguments, global: &GlobalOptions) -> Result<(), CliError> {
     if !(64..=4096).contains(&arguments.rows) {
         return Err(CliError::on("--rows", format!("must be within 64..=4096, was {}", arguments.rows)));
     }
@@ -114,52 +114,50 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
         world_from_camera: *pose,
     });
     let begun = Instant::now();
-    let bar = bar("the room");
-    let progress = |share: f32| bar.set_position((share * 100.0) as u64);
+    let bar = Bar::of_share("the room");
     let cache = if arguments.fresh { None } else { cache_folder() };
-    let ready = make_ready_with(&source, camera.as_ref(), cache.as_deref(), host().readers, &progress)
-        .map_err(|e| fail(&e))?;
-    bar.finish_and_clear();
+    let progress = |share: f32| bar.reach(share);
+    let ready = make_ready_with(&source, camera.as_ref(), cache.as_deref(), host().readers, &progress)?;
+    drop(bar);
     let seconds = begun.elapsed().as_secs_f64();
-
-    std::fs::create_dir_all(&arguments.out).map_err(|e| CliError::on(arguments.out.display(), e))?;
+    make_folder(&arguments.out)?;
     let from = match (&arguments.from, &source.light) {
         (Some(text), _) => point(text, "--from")?,
         (None, RoomLightSource::Probe { position_world, .. }) => *position_world,
         (None, RoomLightSource::Given) => middle(&ready.known),
     };
-    let bar = self::bar("the pictures");
-    let view = Panorama::new(&ready.known, from, arguments.rows);
-    let mut digest = PixelDigest::default();
-    for (name, drawn) in ["radiance", "gathered", "reflectance", "known"]
-        .into_iter()
-        .zip(view.draw(&ready.known, camera.is_some()))
-    {
-        pictures::save_png(&arguments.out.join(format!("{name}.png")), &drawn).map_err(|e| fail(&e))?;
-        digest.add_bytes(drawn.pixels());
-        bar.inc(25);
-    }
-    bar.finish_and_clear();
-    let report = report(&ready, seconds);
-    let text = serde_json::to_string_pretty(&report).map_err(|e| fail(&e))?;
-    let file = arguments.out.join("room.json");
-    std::fs::write(&file, &text).map_err(|e| CliError::on(file.display(), e))?;
-    say(&if common.json { text } else { table(&ready, seconds) })?;
-    if common.digest {
-        let line = format!("digest {}", digest.hex());
-        // JSON on standard output stays alone there.
-        if common.json { eprintln!("{line}") } else { say(&line)? }
+    let digest = draw(&arguments, &ready.known, from, camera.is_some())?;
+    let text = serde_json::to_string_pretty(&report(&ready, seconds))?;
+    write_file(&arguments.out.join("room.json"), &text)?;
+    say(&if global.json { text } else { table(&ready, seconds) })?;
+    if global.digest {
+        say_digest(&digest, global.json)?;
     }
     Ok(())
 }
 
-fn is_scene(file: &Path) -> bool {
-    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+/// Writes the panoramas; returns the digest of all.
+fn draw(
+    arguments: &RoomArguments,
+    known: &KnownRoom,
+    from: Vec3,
+    has_camera: bool,
+) -> Result<String, CliError> {
+    let bar = Bar::of_count(Some(4), "pictures");
+    let view = Panorama::new(known, from, arguments.rows);
+    let mut digest = PixelDigest::default();
+    let names = ["radiance", "gathered", "reflectance", "known"];
+    for (name, drawn) in names.into_iter().zip(view.draw(known, has_camera)) {
+        pictures::save_png(&arguments.out.join(format!("{name}.png")), &drawn)?;
+        digest.add_bytes(drawn.pixels());
+        bar.add_one();
+    }
+    Ok(digest.hex())
 }
 
-fn source_of(arguments: &Arguments) -> Result<RoomSource, CliError> {
-    if is_scene(&arguments.file) {
-        let scene = scene::load(&arguments.file).map_err(|e| CliError(e.to_string()))?;
+fn source_of(arguments: &RoomArguments) -> Result<RoomSource, CliError> {
+    if is_scene_file(&arguments.file) {
+        let scene = scene::load(&arguments.file)?;
         return scene
             .room
             .ok_or_else(|| CliError::on(arguments.file.display(), "room: must be given ([room] with file)"));
@@ -195,24 +193,23 @@ fn source_of(arguments: &Arguments) -> Result<RoomSource, CliError> {
 type Photograph = (RadianceImage, crate::math::lens::Lens, crate::math::pose::Pose);
 
 /// The picture that reflectance is measured from: a scene camera's only picture where that is HDR, or a case's.
-fn photograph_of(arguments: &Arguments) -> Result<Option<Photograph>, CliError> {
-    let fail = |error: crate::assets::error::AssetError| CliError(error.to_string());
-    if is_scene(&arguments.file) {
-        let scene = scene::load(&arguments.file).map_err(fail)?;
+fn photograph_of(arguments: &RoomArguments) -> Result<Option<Photograph>, CliError> {
+    if is_scene_file(&arguments.file) {
+        let scene = scene::load(&arguments.file)?;
         let Some(camera) = scene.camera else { return Ok(None) };
         let is_hdr = |file: &PathBuf| file.extension().is_some_and(|e| e == "hdr" || e == "exr");
         return match &camera.pictures.files[..] {
             [file] if is_hdr(file) => {
-                let radiance = pictures::load_radiance(file).map_err(fail)?.hdr.radiance;
+                let radiance = load_radiance(file)?.hdr.radiance;
                 Ok(Some((radiance, camera.lens, camera.world_from_camera)))
             }
             _ => Ok(None),
         };
     }
     let Some(name) = &arguments.picture else { return Ok(None) };
-    let case = case::load(&arguments.file).map_err(fail)?;
-    let file = &case.image(name).map_err(fail)?.file;
-    let radiance = pictures::load_radiance(file).map_err(fail)?.hdr.radiance;
+    let case = case::load(&arguments.file)?;
+    let file = &case.image(name)?.file;
+    let radiance = load_radiance(file)?.hdr.radiance;
     Ok(Some((radiance, case.lens, case.world_from_camera)))
 }
 
@@ -349,24 +346,4 @@ fn table(ready: &ReadyRoom, seconds: f64) -> String {
         lines += &format!("\nnote: {note}");
     }
     lines
-}
-
-fn bar(of: &str) -> ProgressBar {
-    let bar = ProgressBar::new(100);
-    if let Ok(style) =
-        ProgressStyle::with_template(&format!("{{bar:40}} {{percent}} % of {of}, {{eta}} left"))
-    {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// Prints a text and a line end. A reader that has gone away (`| head`) is no error.
-fn say(text: &str) -> Result<(), CliError> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CliError::on("writing to standard output", error))
-        }
-        _ => Ok(()),
-    }
 }

@@ -16,7 +16,7 @@ const MIDDLE: f32 = 0.18;
 
 /// What a ray met.
 #[derive(Clone, Copy)]
-struct Seen {
+struct PatchHit {
     patch: u32,
     is_front: bool,
     corners: [u32; 3],
@@ -27,7 +27,7 @@ struct Seen {
 pub struct Panorama {
     width: usize,
     height: usize,
-    seen: Vec<Option<Seen>>,
+    seen: Vec<Option<PatchHit>>,
 }
 
 impl Panorama {
@@ -42,7 +42,7 @@ impl Panorama {
                     (((k % width) as f64 + 0.5) / width as f64, ((k / width) as f64 + 0.5) / height as f64);
                 let met = faces.first(from, sphere::equirect_direction(1.0 - u, v).as_vec3())?;
                 let corners = faces.corners(met.triangle);
-                Some(Seen { patch: met.index, is_front: met.is_front, corners, weights: met.barycentric })
+                Some(PatchHit { patch: met.index, is_front: met.is_front, corners, weights: met.barycentric })
             })
             .collect();
         Self { width, height, seen }
@@ -51,9 +51,9 @@ impl Panorama {
     /// Radiance, gathered light, reflectance, and what is known.
     pub fn draw(&self, known: &KnownRoom, with_camera: bool) -> [Rgb8Image; 4] {
         let field = &known.field;
-        let patch = |s: &Seen| &field.patches.patches[s.patch as usize];
-        let radiance = |s: &Seen| patch(s).radiance_rgb;
-        let gathered = |s: &Seen| {
+        let patch = |s: &PatchHit| &field.patches.patches[s.patch as usize];
+        let radiance = |s: &PatchHit| patch(s).radiance_rgb;
+        let gathered = |s: &PatchHit| {
             let mut sum = [0.0f32; 3];
             for (&corner, weight) in s.corners.iter().zip(s.weights) {
                 let (near, sun) = (field.gathered_rgb[corner as usize], known.sun_rgb[corner as usize]);
@@ -62,7 +62,7 @@ impl Panorama {
             sum
         };
         let (bright, arriving) = (self.exposure(&radiance), self.exposure(&gathered));
-        let known_rgb = |s: &Seen| {
+        let known_rgb = |s: &PatchHit| {
             let measured = !with_camera || known.reflectance_measured[s.patch as usize];
             let [r, g, b]: [f32; 3] =
                 if patch(s).seen || known.report.probe.is_none() { [0.6; 3] } else { [0.6, 0.1, 0.1] };
@@ -77,7 +77,7 @@ impl Panorama {
     }
 
     /// Brings the median of what is lit to a middle grey; 1 where nothing is.
-    fn exposure(&self, of: &dyn Fn(&Seen) -> [f32; 3]) -> f32 {
+    fn exposure(&self, of: &dyn Fn(&PatchHit) -> [f32; 3]) -> f32 {
         let lit = self.seen.iter().flatten().filter(|s| s.is_front).map(|s| luminance(of(s)));
         let mut list: Vec<f32> = lit.filter(|l| *l > 0.0).collect();
         list.sort_unstable_by(f32::total_cmp);
@@ -85,14 +85,14 @@ impl Panorama {
     }
 
     /// Backs are dark blue, nothing is black; lines where neighbours belong to different patches.
-    fn picture(&self, of: &(dyn Fn(&Seen) -> [f32; 3] + Sync)) -> Rgb8Image {
+    fn picture(&self, of: &(dyn Fn(&PatchHit) -> [f32; 3] + Sync)) -> Rgb8Image {
         let ray = |x: usize, y: usize| self.seen[y * self.width + x % self.width];
         let colour = |x: usize, y: usize| {
             let Some(seen) = ray(x, y) else { return [0.0; 3] };
             if !seen.is_front {
                 return [0.0, 0.0, 0.08];
             }
-            let index = |s: Option<Seen>| s.map(|s| s.patch);
+            let index = |s: Option<PatchHit>| s.map(|s| s.patch);
             let below = ray(x, (y + 1).min(self.height - 1));
             let edge = index(ray(x + 1, y)) != Some(seen.patch) || index(below) != Some(seen.patch);
             of(&seen).map(|c| if edge { LINE * c } else { c })

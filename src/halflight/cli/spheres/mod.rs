@@ -2,12 +2,14 @@
 
 mod picture;
 
-use super::{CliError, Common, common::PixelDigest};
+use super::output::{say, say_digest, write_file};
+use super::progress::Bar;
+use super::{CliError, GlobalOptions};
 use crate::assets::{error::AssetError, gltf, pictures, spheres};
-use crate::daemon::cache_folder::cache_folder;
+use crate::daemon::{cache_folder::cache_folder, host::Task};
+use crate::lab::digest::PixelDigest;
 use crate::visibility::fit_spheres::{MAX_COUNT, MIN_COUNT};
-use indicatif::{ProgressBar, ProgressStyle};
-use std::{io::Write, path::PathBuf};
+use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
 Fits spheres to the model at rest so that together they stand for its volume, and binds each to the node whose skin
@@ -23,7 +25,7 @@ Example: halflight spheres walker.glb --count 16 --out spheres.json --picture sp
 /// Arguments of `halflight spheres`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = AFTER_HELP)]
-pub struct Arguments {
+pub struct SpheresArguments {
     /// The model: .glb or .gltf.
     pub model: PathBuf,
     /// How many spheres, 4 to 64.
@@ -41,35 +43,29 @@ pub struct Arguments {
 }
 
 /// Runs `halflight spheres`.
-pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
-    let fail = |error: &dyn std::fmt::Display| CliError(error.to_string());
+pub fn run(arguments: SpheresArguments, global: &GlobalOptions) -> Result<(), CliError> {
     if !(MIN_COUNT..=MAX_COUNT).contains(&arguments.count) {
         let why = format!("must be within {MIN_COUNT}..={MAX_COUNT}, was {}", arguments.count);
         return Err(CliError::on("--count", why));
     }
-    let loaded = gltf::load_figure(&arguments.model, 0, &|_| ()).map_err(|e| fail(&e))?;
+    let loaded = gltf::load_figure(&arguments.model, 0, &|_| ())?;
     let (figure, objects) = (&loaded.figure, &loaded.objects);
-    let bar = ProgressBar::new(100);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent} % of the spheres, {eta} left") {
-        bar.set_style(style);
-    }
+    let bar = Bar::of_share("the spheres");
     let cache = if arguments.fresh { None } else { cache_folder() };
     let fit = spheres::fit(figure, objects, arguments.count, cache.as_deref(), &mut |share| {
-        bar.set_position((share * 100.0) as u64);
+        bar.reach(share);
     });
-    bar.finish_and_clear();
+    drop(bar);
     let fit = fit.ok_or_else(|| {
-        let error =
-            AssetError::new(&arguments.model, "triangles with an area").value(0).allowed("at least 1");
-        CliError(error.to_string())
+        AssetError::new(&arguments.model, "triangles with an area").value(0).allowed("at least 1")
     })?;
     let bound = spheres::bound(&fit, figure, objects);
     let json = spheres::to_json(figure, &fit, &bound);
-    let text = serde_json::to_string_pretty(&json).map_err(|e| fail(&e))?;
+    let text = serde_json::to_string_pretty(&json)?;
     if let Some(out) = &arguments.out {
-        std::fs::write(out, &text).map_err(|e| CliError::on(out.display(), e))?;
+        write_file(out, &text)?;
     }
-    let lines = if common.json {
+    let lines = if global.json {
         text
     } else {
         let nodes = &figure.skeleton.nodes;
@@ -86,28 +82,16 @@ pub fn run(arguments: Arguments, common: &Common) -> Result<(), CliError> {
             )
     };
     say(&lines)?;
-    if arguments.picture.is_some() || common.digest {
+    if arguments.picture.is_some() || global.digest {
         let drawn = picture::draw(&spheres::geometry(figure, objects), &fit.spheres);
         if let Some(file) = &arguments.picture {
-            pictures::save_png(file, &drawn).map_err(|e| fail(&e))?;
+            pictures::save_png(file, &drawn)?;
         }
-        if common.digest {
+        if global.digest {
             let mut digest = PixelDigest::default();
             digest.add_bytes(drawn.pixels());
-            // JSON on standard output stays alone there.
-            let line = format!("digest {}", digest.hex());
-            if common.json { eprintln!("{line}") } else { say(&line)? }
+            say_digest(&digest.hex(), global.json)?;
         }
     }
     Ok(())
-}
-
-/// Prints a text and a line end. A reader that has gone away (`| head`) is no error.
-fn say(text: &str) -> Result<(), CliError> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CliError::on("writing to standard output", error))
-        }
-        _ => Ok(()),
-    }
 }

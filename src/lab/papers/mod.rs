@@ -1,0 +1,4 @@
+//! Experiments of the papers, done again.
+
+pub mod displayed_values;
+pub mod profiles;
