@@ -222,7 +222,7 @@ mod tests {
     }
 
     fn frames_and_samples(looks_ahead: bool) {
-        let opened = open("synthetic:frames=4,size=16x16,fps=10,texel_mm=40").unwrap();
+        let opened = open("synthetic:frames=4,size=16x16,fps=10,texel_mm=20").unwrap();
         let clock = ManualClock::default();
         let mut lockstep = Lockstep::new(Arc::default(), opened.frames, opened.imu, clock.clone())
             .looking_ahead(looks_ahead);
@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_not_wanted_yet_waits_for_the_deadline() {
-        let opened = open("synthetic:frames=2,size=16x16,texel_mm=40").unwrap();
+        let opened = open("synthetic:frames=2,size=16x16,texel_mm=20").unwrap();
         let clock = ManualClock::default();
         let mut lockstep = Lockstep::new(Arc::default(), opened.frames, None, clock.clone());
         let later = Timestamp::from_seconds(9.0);
