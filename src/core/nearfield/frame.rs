@@ -59,6 +59,13 @@ pub struct NearFrame {
     listed: Vec<u16>,
     chunks: Vec<Vec<u16>>,
     vertices: usize,
+    /// Lights that a frame may have.
+    most: usize,
+}
+
+/// Makes room for `count` items in all, so that no later frame allocates.
+fn provide<T>(list: &mut Vec<T>, count: usize) {
+    list.reserve_exact(count.saturating_sub(list.len()));
 }
 
 impl NearFrame {
@@ -94,6 +101,7 @@ impl NearFrame {
         self.view.look(field, lens, world_from_camera);
         self.marks.mark(field, &self.boxes, Some(&self.view));
         let count = quality.lights.clamp(1, MOST_LIGHTS);
+        self.provide(count, field.patches.vertices.len());
         let by = Priority::ErrorRemoved;
         self.suns.mark(field, suns, &self.marks, &self.boxes, Some(&self.view));
         self.chosen.choose(field, &self.marks, &self.boxes, self.suns.marked(suns), count, by);
@@ -122,6 +130,15 @@ impl NearFrame {
             .extend(cameras.iter().map(|camera| camera.as_ref().map_or(PlaceReads::NONE, PlaceReads::new)));
     }
 
+    /// Memory for the most lights that may come: which frame has the most depends on the objects' way, and with it on the
+    /// last digits of the camera's pose.
+    fn provide(&mut self, lights: usize, vertices: usize) {
+        self.most = lights;
+        provide(&mut self.rows, lights * vertices);
+        provide(&mut self.parts, lights * vertices);
+        provide(&mut self.intensities, lights);
+    }
+
     /// Draws the maps, on the CPU.
     pub fn draw(&mut self, proxies: &Proxies) {
         self.maps.draw(&self.casters, proxies.triangles());
@@ -133,11 +150,14 @@ impl NearFrame {
         let lights = self.chosen.near().len();
         self.ranges.resize(triangles.len(), [0; 2]);
         self.chunks.resize_with(triangles.len().div_ceil(CHUNK), Vec::new);
+        provide(&mut self.listed, triangles.len() * self.most);
+        let most = CHUNK * self.most;
         let Self { marks, rows, maps, ranges, chunks, vertices, .. } = self;
         let (marks, rows, maps, vertices) = (&*marks, &*rows, &*maps, *vertices);
         let parts = ranges.par_chunks_mut(CHUNK).zip(triangles.par_chunks(CHUNK)).zip(chunks.par_iter_mut());
         parts.for_each(|((ranges, triangles), chunk)| {
             chunk.clear();
+            provide(chunk, most);
             for (range, triangle) in ranges.iter_mut().zip(triangles) {
                 let begin = chunk.len() as u32;
                 if triangle.iter().any(|&v| marks.has_vertex(v as usize)) {
