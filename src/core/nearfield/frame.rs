@@ -130,8 +130,7 @@ impl NearFrame {
             .extend(cameras.iter().map(|camera| camera.as_ref().map_or(PlaceReads::NONE, PlaceReads::new)));
     }
 
-    /// Memory for the most lights that may come: which frame has the most depends on the objects' way, and with it on the
-    /// last digits of the camera's pose.
+    /// Makes room for the most lights that may come: which frame has the most depends on the objects' way.
     fn provide(&mut self, lights: usize, vertices: usize) {
         self.most = lights;
         provide(&mut self.rows, lights * vertices);
