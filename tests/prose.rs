@@ -18,7 +18,7 @@ const FILLERS: [&str; 19] = [
 ];
 
 /// Comments that still only repeat a name; to be lowered with them, never raised.
-const STILL_REPEATED: usize = 90;
+const STILL_REPEATED: usize = 7;
 
 /// A word without its plural.
 fn stem(word: &str) -> String {

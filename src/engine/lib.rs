@@ -47,7 +47,7 @@ pub enum EngineError {
     /// The device was lost or refused; says in which pass.
     #[error("GPU failed in {pass}: {reason}")]
     Gpu {
-        /// The pass.
+        /// As `Pass::name` has it.
         pass: &'static str,
         /// What the driver said.
         reason: String,
@@ -87,11 +87,11 @@ pub struct MeasuredLight {
 pub struct RelightInput<'a> {
     /// The camera's picture, linear.
     pub background: &'a HdrImage,
-    /// Its lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: &'a Lens,
-    /// Its pose.
+    /// Takes points of the camera's frame to the world, metres.
     pub world_from_camera: &'a Pose,
-    /// The light.
+    /// Hard lights, and the rest as harmonics, world frame.
     pub light: &'a Lights,
     /// What mirrors and sharp gloss see; `None`: SH stands in.
     pub environment: Option<&'a EnvironmentPicture>,

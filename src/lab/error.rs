@@ -8,7 +8,7 @@ pub enum LabError {
     /// A file.
     #[error(transparent)]
     Asset(#[from] AssetError),
-    /// The engine.
+    /// What the engine refused.
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// The pipeline that a recording went through.

@@ -18,7 +18,7 @@ pub enum BelowHorizon {
     Dark,
     /// What a wide matt surface z = 0 sends up with nothing in its way: its albedo / pi times its irradiance from above.
     Surface {
-        /// Albedo.
+        /// Share of each channel that is thrown back, 0 to 1.
         albedo_rgb: [f32; 3],
     },
 }

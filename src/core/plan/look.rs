@@ -46,7 +46,7 @@ pub struct Rulings {
 }
 
 impl Rulings {
-    /// On an effect.
+    /// What was decided on it.
     pub fn of(&self, effect: Effect) -> Ruling {
         self.of_effects[effect as usize]
     }

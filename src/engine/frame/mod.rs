@@ -38,7 +38,7 @@ use glam::Vec3;
 /// One frame's inputs, and what follows from them alone.
 pub(crate) struct FrameJob<'a> {
     pub input: &'a RelightInput<'a>,
-    /// The camera.
+    /// Its lens, and where it stands.
     pub camera: View,
     pub light: LightTerms,
     pub quality: &'a Quality,

@@ -12,7 +12,7 @@ use crate::EngineError;
 /// Which interface the GPU is driven through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Backend {
-    /// Vulkan.
+    /// The first choice where there is a driver.
     Vulkan,
     /// OpenGL 4.3 or OpenGL ES 3.1, or later.
     Gl,
@@ -65,7 +65,7 @@ pub struct AdapterReport {
 
 /// A device with its queue.
 pub struct GpuContext {
-    /// The device.
+    /// Shared by all passes.
     pub device: wgpu::Device,
     /// Its only queue.
     pub queue: wgpu::Queue,

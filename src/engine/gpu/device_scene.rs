@@ -20,7 +20,7 @@ pub struct DeviceScene {
     pub meshes: SceneBuffers,
     /// A known room.
     pub room_mesh: RoomMesh,
-    /// Its lights.
+    /// Uploaded for the passes of a known room.
     pub room_lights: RoomLights,
     /// Camera, light and shadow maps' cameras.
     pub terms: FrameTerms,
@@ -35,7 +35,7 @@ pub struct FrameTerms {
     pub cameras: params::ShadowCameras,
     /// `camera` on the device.
     pub view: GrowingBuffer,
-    /// The light.
+    /// Uploaded for the passes that shade.
     pub light: GrowingBuffer,
     /// `cameras` on the device.
     pub shadow_cameras: GrowingBuffer,

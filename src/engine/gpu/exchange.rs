@@ -35,9 +35,9 @@ pub enum Holder {
     Nobody,
     /// The twins' memory (or the caller's picture).
     Host,
-    /// The device.
+    /// Held by the GPU alone.
     Device,
-    /// Both.
+    /// Held by the GPU and by the host.
     Both,
 }
 

@@ -275,7 +275,7 @@ pub enum Resource {
     Buffer(wgpu::Buffer),
     /// The first bytes of a buffer, at an offset given with each draw.
     Window(wgpu::Buffer, u64),
-    /// A texture.
+    /// Read by the shader, or written as storage.
     View(wgpu::TextureView),
 }
 

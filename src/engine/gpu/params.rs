@@ -14,7 +14,7 @@ pub const PLANES: usize = 3;
 /// Where one member lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Its name.
+    /// As the shader spells it.
     pub name: &'static str,
     /// Bytes from the start of the struct.
     pub offset: usize,
@@ -367,7 +367,7 @@ pub struct ObjectVertex {
     pub position: [f32; 3],
     /// Unit.
     pub normal: [f32; 3],
-    /// Tint and openness.
+    /// Linear RGB, and the share of the hemisphere that is open.
     pub tint_openness: [f32; 4],
     /// Soft light on what is matt, as in `Transferred::soft`.
     pub soft: [f32; 4],

@@ -94,7 +94,7 @@ impl PointPages {
         self.texels
     }
 
-    /// Maps a page.
+    /// How many tiles one texture holds.
     pub fn maps_a_page(&self) -> usize {
         (self.tiles * self.tiles) as usize
     }

@@ -337,7 +337,7 @@ impl SceneBuffers {
         self.grid.write(context, &vertices, &triangles);
     }
 
-    /// Draws the grid.
+    /// Records one draw of all its triangles.
     pub fn draw_grid(&mut self, context: &GpuContext, pass: &mut wgpu::RenderPass<'_>) {
         self.grid.draw(context, pass, 1);
     }

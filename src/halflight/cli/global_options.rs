@@ -44,7 +44,7 @@ pub enum EngineChoice {
 /// Which GPU interface.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BackendChoice {
-    /// Vulkan.
+    /// The first choice where there is a driver.
     Vulkan,
     /// OpenGL (ES) 3.1 or later.
     Gl,

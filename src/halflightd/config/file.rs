@@ -8,7 +8,7 @@ use toml::{Spanned, Table, Value, de::DeTable, de::DeValue};
 pub struct TypedKey {
     /// `section.name`.
     pub name: String,
-    /// Its value.
+    /// As typed, not checked yet.
     pub value: Value,
     /// Line and column of its value in the text, from 1; `None` where there is no text.
     pub place: Option<[usize; 2]>,
@@ -17,7 +17,7 @@ pub struct TypedKey {
 /// All keys of a text, in its order where it is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TypedSettings {
-    /// The keys.
+    /// As typed, not checked yet.
     pub keys: Vec<TypedKey>,
 }
 

@@ -86,7 +86,7 @@ pub enum EngineKind {
 pub enum BackendKind {
     /// Vulkan, else GL.
     Auto,
-    /// Vulkan.
+    /// The first choice where there is a driver.
     Vulkan,
     /// OpenGL (ES) 3.1 or later.
     Gl,

@@ -28,7 +28,7 @@ impl EngineInUse {
         Self { engine, stand_in: None, failing_since: None, failures: 0, holds_scene: true }
     }
 
-    /// The engine.
+    /// Borrows what draws now.
     pub fn get(&mut self) -> &mut dyn Engine {
         self.engine.as_mut()
     }

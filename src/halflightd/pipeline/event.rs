@@ -7,7 +7,7 @@ use crate::model::{frame::RawFrame, imu::ImuSample, time::Timestamp};
 /// A frame as it reaches the pipeline.
 #[derive(Debug)]
 pub struct ArrivedFrame {
-    /// The frame.
+    /// As the source gave it.
     pub frame: RawFrame,
     /// Frames that were passed over since the last one, because newer ones came.
     pub passed_over: u64,
@@ -18,11 +18,11 @@ pub struct ArrivedFrame {
 /// Devices that can go away and come back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum DeviceRole {
-    /// The camera.
+    /// What gives frames.
     Camera,
     /// The inertial sensor.
     Imu,
-    /// The display.
+    /// What shows pictures.
     Display,
     /// The line that commands come on.
     Link,
@@ -55,7 +55,7 @@ pub enum Command {
 /// What can happen.
 #[derive(Debug)]
 pub enum Event {
-    /// A frame.
+    /// With the moment at which it arrived.
     Frame(ArrivedFrame),
     /// An inertial sample; in lockstep each comes before the first frame that is later.
     Imu(ImuSample),

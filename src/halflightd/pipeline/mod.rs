@@ -80,7 +80,7 @@ pub struct DrawnFrom<'a> {
     pub scene: &'a Scene,
     /// The camera's picture, linear.
     pub background: &'a HdrImage,
-    /// Its lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: &'a Lens,
     /// The way back to 8 bits.
     pub response: &'a Response,

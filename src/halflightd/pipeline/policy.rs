@@ -29,12 +29,12 @@ pub enum Missing {
     Light,
     /// The inertial sensor.
     Imu,
-    /// The display.
+    /// What shows pictures.
     Display,
 }
 
 impl Missing {
-    /// All.
+    /// In the order of the names that `from_name` knows.
     pub const ALL: [Self; 7] =
         [Self::Camera, Self::Engine, Self::FirstTag, Self::Pose, Self::Light, Self::Imu, Self::Display];
 }
@@ -46,7 +46,7 @@ pub enum Shows {
     LastPicture,
     /// The camera's picture without virtual objects.
     CameraAlone,
-    /// Everything.
+    /// The camera's picture with virtual objects in it.
     Everything,
 }
 

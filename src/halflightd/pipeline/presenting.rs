@@ -36,7 +36,7 @@ const BEFORE_THE_FIRST: [u8; 3] = [72; 3];
 pub struct PictureParts<'a> {
     /// The camera's picture, linear.
     pub background: &'a HdrImage,
-    /// Its lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: &'a Lens,
     /// The way back to 8 bits.
     pub response: &'a Response,

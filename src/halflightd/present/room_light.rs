@@ -44,7 +44,7 @@ impl RoomLight {
         }
     }
 
-    /// The room.
+    /// Made ready, with its patches and their light.
     pub fn known(&self) -> &Arc<KnownRoom> {
         &self.known
     }

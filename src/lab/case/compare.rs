@@ -28,7 +28,7 @@ pub struct MaskError {
 /// Error of the gray ratio to the unshadowed receivers where it is below 0.93 in truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadowError {
-    /// Pixels.
+    /// How many were compared.
     pub pixels: usize,
     /// Root of the mean squared error, in ratio.
     pub rmse: f64,

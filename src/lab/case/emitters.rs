@@ -39,11 +39,9 @@ pub enum ReadyEmitter {
         disc: bool,
         /// Unit vector away from its front.
         normal: DVec3,
-        /// Points on it.
         points: Vec<DVec3>,
         /// Area of each, square metres.
         area_m2: f64,
-        /// Its radiance.
         radiance_rgb: [f64; 3],
     },
 }

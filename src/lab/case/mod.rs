@@ -58,7 +58,7 @@ pub struct Case {
     pub family: String,
     /// Pinhole of the pictures.
     pub lens: Lens,
-    /// Camera to world.
+    /// Pose of the camera, metres: takes points of its frame to the world.
     pub world_from_camera: Pose,
     /// Receivers and objects, in order of the file.
     pub geometry: Vec<Geometry>,
@@ -113,23 +113,23 @@ pub enum ExactShape {
     },
     /// A box turned about the vertical through its centre.
     Box {
-        /// Centre.
+        /// World frame, metres.
         centre: DVec3,
         /// Half sizes along its own axes.
         half_size: DVec3,
         /// Counter-clockwise seen from above.
         yaw_rad: f64,
     },
-    /// A sphere.
+    /// Exact, not cut into triangles.
     Sphere {
-        /// Centre.
+        /// World frame, metres.
         centre: DVec3,
-        /// Radius.
+        /// Metres; above 0.
         radius: f64,
     },
     /// An OBJ file.
     Mesh {
-        /// The file.
+        /// Path that it is read from.
         file: PathBuf,
         /// Places it; may scale.
         world_from_object: Affine3A,
@@ -162,25 +162,25 @@ pub enum EmitterKind {
     },
     /// The same radiance from everywhere.
     Constant {
-        /// Radiance.
+        /// Linear RGB; the same in all directions.
         radiance_rgb: [f64; 3],
     },
     /// A parallelogram that shines from its front; normal (v1 - v0) x (v3 - v0).
     Quad {
         /// Corners in order.
         vertices: [DVec3; 4],
-        /// Radiance.
+        /// Linear RGB; the same in all directions.
         radiance_rgb: [f64; 3],
     },
     /// A disc that shines from its front.
     Disc {
-        /// Centre.
+        /// World frame, metres.
         centre: DVec3,
         /// Unit vector away from its front.
         normal: DVec3,
-        /// Radius.
+        /// Metres; above 0.
         radius: f64,
-        /// Radiance.
+        /// Linear RGB; the same in all directions.
         radiance_rgb: [f64; 3],
     },
 }

@@ -33,7 +33,7 @@ const MARGIN: usize = 6;
 
 /// One line of pixels through a shadow.
 pub struct ShadowProfile {
-    /// The case.
+    /// Name of the reference it belongs to.
     pub case: String,
     /// Which object.
     pub object: String,

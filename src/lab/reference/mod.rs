@@ -34,7 +34,7 @@ use sums::{PassSums, PixelSums};
 
 /// Samples of a pixel at most.
 pub const MOST_SAMPLES: u32 = 1 << 24;
-/// Bounces at most.
+/// Diffuse reflections that a setting may ask for.
 pub const MOST_BOUNCES: u32 = 64;
 /// Passes before noise is trusted: its own error is about 1 / sqrt(2 * 7), and less by the number of pixels.
 const LEAST_PASSES: u32 = 8;
@@ -79,7 +79,7 @@ pub enum TraceError {
     /// A body is not sound.
     #[error("body {name}: {what}")]
     Body {
-        /// Its name.
+        /// As the scene calls it.
         name: String,
         /// What is wrong with it.
         what: &'static str,

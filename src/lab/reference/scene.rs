@@ -20,9 +20,9 @@ pub enum TraceShape {
     Mesh(Mesh),
     /// An exact sphere.
     Sphere {
-        /// Centre.
+        /// World frame, metres.
         centre: Vec3,
-        /// Radius.
+        /// Metres; above 0.
         radius_m: f32,
     },
 }
@@ -30,7 +30,7 @@ pub enum TraceShape {
 /// Light that a body sends out of its front, the same in all directions. Spheres send none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Emission {
-    /// None.
+    /// Nothing is sent out.
     #[default]
     None,
     /// Of its own, radiance: what it reflects is added.

@@ -38,7 +38,7 @@ pub struct PassSums {
 }
 
 impl PassSums {
-    /// Adds a sample.
+    /// Counts what one path saw.
     #[inline]
     pub fn add(&mut self, seen: &super::path::RaySample) {
         let Pair { with, without } = seen.light;

@@ -44,9 +44,9 @@ pub enum Quantity {
 pub struct Still {
     /// What stands where.
     pub scene: Scene,
-    /// The lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: Lens,
-    /// Camera to world.
+    /// Pose of the camera, metres: takes points of its frame to the world.
     pub world_from_camera: Pose,
     /// The light of the objects.
     pub light: Lights,
@@ -75,9 +75,9 @@ pub struct Still {
 pub struct Composition {
     /// What stands where; no spheres or transfers fitted to it.
     pub scene: Scene,
-    /// The lens.
+    /// Intrinsics and distortion, pixels.
     pub lens: Lens,
-    /// Camera to world.
+    /// Pose of the camera, metres: takes points of its frame to the world.
     pub world_from_camera: Pose,
     /// Distant light; in a known room it has no part.
     pub far: FarLight,

@@ -30,7 +30,7 @@ pub const ORDER: usize = 4;
 pub struct StressStage {
     /// Objects, surfaces, spheres.
     pub scene: Scene,
-    /// The light.
+    /// Hard lights, and the rest as harmonics, world frame.
     pub light: Lights,
     /// Accuracy.
     pub quality: Quality,
@@ -72,7 +72,7 @@ impl StressStage {
         }
     }
 
-    /// Draws it.
+    /// Draws one frame on an engine; whatever the engine refuses is returned.
     pub fn draw(&self, engine: &mut dyn Engine) -> Result<Picture, EngineError> {
         let [width, height] = self.size_px;
         let focal_px = f64::from(width);

@@ -23,7 +23,7 @@ pub struct EngineColumn {
 pub struct CaseRow {
     /// The group's title.
     pub group: &'static str,
-    /// The case.
+    /// One row of the list of hard cases.
     pub case: &'static HardCase,
     /// What the textbook's formula gives.
     pub textbook: f64,

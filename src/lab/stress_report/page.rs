@@ -27,7 +27,7 @@ fn summary(report: &StressReport) -> String {
     )
 }
 
-/// For the terminal.
+/// Lines of text, in columns.
 pub fn terminal(report: &StressReport) -> String {
     let mut out = String::new();
     let wide = |of: &dyn Fn(&CaseRow) -> String, least: usize| {

@@ -12,7 +12,7 @@ const JPEG_QUALITY: u8 = 84;
 
 /// One subject's part.
 pub struct SubjectPart<'a> {
-    /// Its plot.
+    /// What is drawn of it: error against time.
     pub plot: FrontPlot<'a>,
     /// The truth as it is shown.
     pub truth: Rgb8Image,

@@ -28,7 +28,7 @@ use crate::{
 pub struct DeviceFrame<'a> {
     /// Takes the work.
     pub recorder: Recorder<'a>,
-    /// The frame.
+    /// What is to be drawn, and with what.
     pub job: &'a FrameJob<'a>,
     /// The host's side of it.
     pub state: &'a mut FrameState,

@@ -154,7 +154,7 @@ impl Axes {
 /// Which point stands for an angular map's texel.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texels {
-    /// Its centre.
+    /// In the middle of each texel.
     Centre,
     /// Its upper left corner.
     Corner,

@@ -18,7 +18,7 @@ pub struct ContactSheet {
 }
 
 impl ContactSheet {
-    /// Offers a picture.
+    /// Counts one more, and keeps it at half its size where its turn comes.
     pub fn offer(&mut self, picture: &Rgb8Image) {
         self.every = self.every.max(1);
         if self.seen.is_multiple_of(self.every) {
