@@ -183,7 +183,9 @@ fn frames_of_near_light(threads: usize, start: usize) {
         frame(start);
         for step in start + 1..start + 1 + MEASURED {
             let counted = sys::allocated(|| frame(step));
-            assert!(counted.count <= 1, "{threads} threads, from {start} on, frame {step}: {counted}");
+            // A worker of the pool signs on with its queue's memory at its first steal, at any moment: 2304 and 1520
+            // bytes, once each. That is not ours.
+            assert_eq!(counted.ours, 0, "{threads} threads, from {start} on, frame {step}: {counted}");
         }
     });
     assert_eq!(lit, quality.lights);

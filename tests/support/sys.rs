@@ -11,6 +11,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 const MOST_TOLD: usize = 64;
 /// Calls kept of each, the innermost first.
 const MOST_CALLS: usize = 64;
+/// What is said of an allocation that no function of ours asked for.
+const NOT_OURS: &str = "no function of ours";
 /// Of our own functions, printed of each.
 const OWN_CALLS: usize = 4;
 
@@ -19,6 +21,10 @@ const OWN_CALLS: usize = 4;
 pub struct Allocated {
     /// Allocations and reallocations.
     pub count: usize,
+    /// Those of them that a function of ours asked for, directly or through a library; all, where there were more than
+    /// can be told one by one.
+    #[allow(dead_code, reason = "only some test programs ask")]
+    pub ours: usize,
     told: Vec<String>,
 }
 
@@ -40,7 +46,9 @@ pub fn allocated(work: impl FnOnce()) -> Allocated {
     work();
     COUNTS.store(false, Relaxed);
     let count = COUNT.load(Relaxed);
-    Allocated { count, told: SLOTS.iter().take(count).map(Slot::told).collect() }
+    let told: Vec<String> = SLOTS.iter().take(count).map(Slot::told).collect();
+    let foreign = told.iter().filter(|line| line.ends_with(NOT_OURS)).count();
+    Allocated { count, ours: if count > MOST_TOLD { count } else { count - foreign }, told }
 }
 
 unsafe extern "C" {
@@ -112,7 +120,7 @@ impl Slot {
                 }
             });
         }
-        let from = if own.is_empty() { "no function of ours".to_owned() } else { own.join(" < ") };
+        let from = if own.is_empty() { NOT_OURS.to_owned() } else { own.join(" < ") };
         format!("{} bytes: {from}", self.bytes.load(Relaxed))
     }
 }
