@@ -9,6 +9,7 @@ use halflight::device::{
     open,
 };
 use halflight::engine::cpu::CpuEngine;
+use halflight::math::dice::Dice;
 use halflight::model::{
     estimate::Provenance,
     frame::{Exposure, RawFrame},
@@ -29,16 +30,6 @@ use std::sync::{Arc, Mutex};
 
 const PERIOD_S: f64 = 1.0 / 30.0;
 const LOSSES: u64 = 1000;
-
-/// Even numbers in 0..1, the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 /// What the world does with the camera.
 struct World {
@@ -77,12 +68,12 @@ impl FrameSource for Flaky {
             return Err(DeviceError::new("flaky", "read", ErrorKind::Reopen));
         }
         // The second frame is the first that can be missed: its pace is known then.
-        if self.given >= 2 && world.dice.roll() < 0.4 {
+        if self.given >= 2 && world.dice.unit() < 0.4 {
             world.losses += 1;
             world.lost_since = Some(Timestamp(self.next_at.0).plus_seconds(-PERIOD_S));
             // One in three says nothing for a while first.
-            if world.dice.roll() < 0.33 {
-                let silence_s = world.dice.roll();
+            if world.dice.unit() < 0.33 {
+                let silence_s = world.dice.unit();
                 self.silent_until = Some(self.clock.now().plus_seconds(silence_s));
                 return Err(DeviceError::again());
             }
@@ -174,7 +165,7 @@ fn a_camera_that_is_lost_a_thousand_times_never_ends_the_loop() {
     let (frame, rig) = a_frame();
     let clock = ManualClock::default();
     let world = Arc::new(Mutex::new(World {
-        dice: Dice(9),
+        dice: Dice::new(9),
         losses: 0,
         sequence: 0,
         frame,
@@ -187,7 +178,7 @@ fn a_camera_that_is_lost_a_thousand_times_never_ends_the_loop() {
     let open = move || -> Result<Box<dyn FrameSource>, DeviceError> {
         let state = &mut *theirs.lock().unwrap();
         // It stays away for a while, now and then.
-        if state.dice.roll() < 0.3 {
+        if state.dice.unit() < 0.3 {
             return Err(DeviceError::new("flaky", "open", ErrorKind::Reopen));
         }
         state.lost_since = None;

@@ -93,7 +93,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Of a scene.
+    /// A frame that shows a scene from the usual place.
     pub fn new(scene: Scene) -> Self {
         let (width, height) = (WIDTH as usize, HEIGHT as usize);
         let mut background = HdrImage::default();

@@ -181,7 +181,7 @@ struct Board {
     panics: AtomicU64,
     /// Deadline of the call that runs; `NEVER` between calls.
     call_until: AtomicI64,
-    /// One of the three below.
+    /// One of the three above.
     fate: AtomicU8,
 }
 

@@ -24,7 +24,7 @@ fn open(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, 
         reader
     };
     if format == ImageFormat::Jpeg {
-        jpeg::is_whole(bytes).map_err(|what| AssetError::new(file, "decode Jpeg").cause(what))?;
+        jpeg::whole(bytes).map_err(|what| AssetError::new(file, "decode Jpeg").cause(what))?;
     }
     let (width, height) = reader().into_dimensions().map_err(failed)?;
     check_size(file, width as usize, height as usize)?;

@@ -1,7 +1,7 @@
 //! Light from below the horizon, for things that stand on a surface: an environment picture, or light that is stated, may
 //! hold what is not there.
 
-use crate::math::octahedral;
+use crate::math::{octahedral, spiral};
 use crate::model::{environment::EnvironmentPicture, light::RadianceSamples};
 use std::f64::consts::PI;
 
@@ -66,12 +66,10 @@ fn radiance_of_surface(albedo_rgb: [f32; 3], samples: &RadianceSamples) -> [f32;
 /// Adds radiance from directions all over the sphere, as a function of their height; `None` adds nothing there.
 pub fn spread(samples: &mut RadianceSamples, radiance_rgb: impl Fn(f64) -> Option<[f32; 3]>) {
     for j in 0..DIRECTIONS {
-        let z = 1.0 - 2.0 * (j as f64 + 0.5) / DIRECTIONS as f64;
-        let phi = PI * (1.0 + 5f64.sqrt()) * (j as f64 + 0.5);
-        let r = (1.0 - z * z).sqrt();
+        let direction = spiral::direction(j, DIRECTIONS);
         let weight_sr = 4.0 * PI / DIRECTIONS as f64;
-        if let Some([red, green, blue]) = radiance_rgb(z) {
-            samples.directions.push([r * phi.cos(), r * phi.sin(), z, weight_sr].map(|x| x as f32));
+        if let Some([red, green, blue]) = radiance_rgb(direction.z) {
+            samples.directions.push(direction.extend(weight_sr).as_vec4().to_array());
             samples.radiance.push([red, green, blue, 0.0]);
         }
     }

@@ -140,12 +140,7 @@ mod tests {
 
     /// Directions of equal area, in the order of the Fibonacci spiral.
     fn spiral(count: usize) -> impl Iterator<Item = [f32; 3]> {
-        (0..count).map(move |j| {
-            let z = 1.0 - 2.0 * (j as f64 + 0.5) / count as f64;
-            let phi = std::f64::consts::PI * (1.0 + 5.0_f64.sqrt()) * (j as f64 + 0.5);
-            let s = (1.0 - z * z).sqrt();
-            [(s * phi.cos()) as f32, (s * phi.sin()) as f32, z as f32]
-        })
+        (0..count).map(move |j| crate::math::spiral::direction(j, count).as_vec3().to_array())
     }
 
     fn samples(count: usize, radiance: impl Fn([f32; 3]) -> [f32; 3]) -> RadianceSamples {

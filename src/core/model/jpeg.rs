@@ -1,4 +1,4 @@
-//! Whether a JPEG is all there, by its markers (ITU-T T.81, Annex B): decoders fill what is missing with grey.
+//! Tells whether a JPEG is all there, by its markers (ITU-T T.81, Annex B): decoders fill what is missing with grey.
 
 /// What is known of a picture from its frame header.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,21 +34,34 @@ impl FrameHeader {
     }
 }
 
-/// Whether a JPEG ends with its end-of-image marker, and its scans hold as many restart intervals as they must. What follows the
-/// marker does not matter. Pictures without restart intervals are not counted through: one that lost data in its middle and
-/// kept its end passes.
+/// A JPEG of which nothing is missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WholeJpeg<'a> {
+    /// The file from its first marker to its end-of-image marker: drivers fill buffers up with bytes after it.
+    pub bytes: &'a [u8],
+    /// It brings Huffman tables. Cameras that stream may leave them out.
+    pub has_huffman_tables: bool,
+}
+
+/// Reads the markers of a JPEG: it must end with its end-of-image marker, and its scans must hold as many restart intervals as
+/// they should. What follows the marker does not matter. Pictures without restart intervals are not counted through: one that
+/// lost data in its middle and kept its end passes.
 ///
 /// # Errors
 /// What is missing.
-pub fn is_whole(bytes: &[u8]) -> Result<(), String> {
+pub fn whole(bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
+    if !bytes.starts_with(&[0xff, 0xd8]) {
+        return Err("it does not begin as a JPEG file".into());
+    }
     let cut = || format!("cut: it ends after {} bytes without an end-of-image marker", bytes.len());
-    let (mut frame, mut interval) = (FrameHeader::default(), 0usize);
+    let (mut frame, mut interval, mut has_huffman_tables) = (None, 0usize, false);
     let mut at = 2;
     loop {
         let marker;
         (marker, at) = next_marker(bytes, at).ok_or_else(cut)?;
         match marker {
-            0xd9 => return Ok(()),
+            0xd9 if frame.is_none() => return Err("it ends before its picture".into()),
+            0xd9 => return Ok(WholeJpeg { bytes: &bytes[..at], has_huffman_tables }),
             // Without a segment.
             0x01 | 0xd0..=0xd8 => continue,
             _ => {}
@@ -58,13 +71,13 @@ pub fn is_whole(bytes: &[u8]) -> Result<(), String> {
         let segment = bytes.get(at + 2..at + length).ok_or_else(cut)?;
         at += length;
         match marker {
-            0xc0..=0xcf if ![0xc4, 0xc8, 0xcc].contains(&marker) => {
-                frame = FrameHeader::read(marker, segment).unwrap_or_default();
-            }
+            0xc4 => has_huffman_tables = true,
+            0xc0..=0xcf if ![0xc8, 0xcc].contains(&marker) => frame = FrameHeader::read(marker, segment),
             0xdd => interval = segment.first_chunk::<2>().map_or(0, |n| u16::from_be_bytes(*n).into()),
             0xda => {
                 let restarts;
                 (restarts, at) = skip_scan(bytes, at);
+                let frame = frame.ok_or("it has no size before its scan")?;
                 let all_together = segment.first().map(|n| usize::from(*n)) == Some(frame.components);
                 if frame.is_sequential && all_together && frame.components > 1 && interval > 0 {
                     let wanted = frame.units().div_ceil(interval).saturating_sub(1);
@@ -127,22 +140,22 @@ mod tests {
     #[test]
     fn a_whole_picture_is_whole_whatever_follows() {
         let mut bytes = picture(1);
-        assert_eq!(is_whole(&bytes), Ok(()));
+        let length = bytes.len();
         bytes.extend([0xff, 0xd8, 1, 2, 3]);
-        assert_eq!(is_whole(&bytes), Ok(()));
+        assert_eq!(whole(&bytes), Ok(WholeJpeg { bytes: &bytes[..length], has_huffman_tables: false }));
     }
 
     #[test]
     fn every_cut_is_noticed() {
         let bytes = picture(1);
         for length in 0..bytes.len() {
-            assert!(is_whole(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+            assert!(whole(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
         }
     }
 
     #[test]
     fn a_lost_interval_is_noticed() {
-        assert_eq!(is_whole(&picture(0)), Err("cut: 0 of its 1 restart markers".into()));
+        assert_eq!(whole(&picture(0)), Err("cut: 0 of its 1 restart markers".into()));
     }
 
     #[test]
@@ -152,7 +165,7 @@ mod tests {
             for value in [0, 1, 0x7f, 0xd9, 0xff] {
                 let mut changed = bytes.clone();
                 changed[at] = value;
-                let _ = is_whole(&changed);
+                let _ = whole(&changed);
             }
         }
     }

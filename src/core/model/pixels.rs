@@ -71,7 +71,7 @@ impl BayerDepth {
         match self {
             Self::Bits8 => width,
             Self::Bits10 | Self::Bits12 | Self::Bits16 => 2 * width,
-            // A group that is cut short keeps only the bytes that its values need, and the one with the lowest bits.
+            // The last group takes all of its bytes, though not all of its values may be there.
             Self::Bits10Packed => width.div_ceil(4) * 5,
             Self::Bits12Packed => width.div_ceil(2) * 3,
         }

@@ -38,9 +38,9 @@ pub enum RoomError {
         "room.probe: a picture of {width} x {height} pixels as {layout:?}: must be square for Angular, 1 to 6 for Cube, not empty"
     )]
     ProbePicture {
-        /// Its width.
+        /// Columns of the picture.
         width: usize,
-        /// Its height.
+        /// Rows of the picture.
         height: usize,
         /// What it was said to be.
         layout: MapLayout,
@@ -54,9 +54,9 @@ pub enum RoomError {
         at: [f32; 3],
         /// Directions that meet a front first, per cent.
         fronts: f32,
-        /// A back.
+        /// Directions that meet a back first, per cent.
         backs: f32,
-        /// Nothing.
+        /// Directions that meet nothing, per cent.
         nothing: f32,
     },
     /// The picture that reflectance is read off does not belong to its lens.
@@ -64,13 +64,13 @@ pub enum RoomError {
         "room: a camera picture of {width} x {height} pixels: must be {lens_width} x {lens_height}, as its lens is"
     )]
     CameraPicture {
-        /// Its width.
+        /// Columns of the picture.
         width: usize,
-        /// Its height.
+        /// Rows of the picture.
         height: usize,
-        /// The lens's.
+        /// Columns that the lens was calibrated for.
         lens_width: u32,
-        /// The lens's.
+        /// Rows that the lens was calibrated for.
         lens_height: u32,
     },
     /// Nothing reflects.

@@ -93,7 +93,7 @@ pub fn read_image(schema: &str, message: &[u8]) -> Result<Rgb8Image, String> {
                 }
             };
             if format == ImageFormat::Jpeg {
-                jpeg::is_whole(bytes(2))?;
+                jpeg::whole(bytes(2))?;
             }
             let picture = image::load_from_memory_with_format(bytes(2), format).map_err(|e| e.to_string())?;
             let picture = picture.into_rgb8();

@@ -1,6 +1,7 @@
 //! The exact light at the ball's centre.
 
 use super::room::{BallView, Room};
+use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis};
 use crate::model::light::RadianceSh;
 use glam::{DVec2, DVec3};
@@ -77,8 +78,8 @@ pub fn radiance(room: &Room, origin: DVec3, d: DVec3) -> DVec3 {
     room.radiance(origin, d, BallView::Absent).0
 }
 
-/// The unit vector of the first moment of the gray light (Eq. 9 of [Now11], weights 0.3 0.59 0.11).
+/// The unit vector of the first moment of the gray light (Eq. 9 of [Now11]).
 pub fn dominant_direction(light: &RadianceSh) -> [f32; 3] {
-    let gray = |k: usize| DVec3::new(0.3, 0.59, 0.11).dot(glam::Vec3::from(light.rgb[k]).as_dvec3());
+    let gray = |k: usize| gray(light.rgb[k].map(f64::from));
     DVec3::new(-gray(3), -gray(1), gray(2)).normalize_or(DVec3::Z).as_vec3().to_array()
 }

@@ -108,46 +108,15 @@ impl Views {
         plan: &mut FramePlan,
         out: &mut Picture,
     ) -> Result<(), EngineError> {
-        let Subject { scene, input, quality, samples, frame } = *subject;
-        let (width, height) = (input.background.radiance.width(), input.background.radiance.height());
-        match view {
-            PictureView::Light => {
-                effects::plan(&Occasion::default(), scene, input.light, quality, plan);
-                let samples = samples.unwrap_or_else(|| engine.measured_samples());
-                panels::light(samples, input.light, [width, height], out);
-                out.t = input.t;
-                return Ok(());
-            }
-            PictureView::Maps => {
-                effects::plan(&Occasion::default(), scene, input.light, quality, plan);
-                self.draw_maps(scene, input, quality);
-                panels::maps(&self.shadows, [width, height], out);
-                out.t = input.t;
-                return Ok(());
-            }
-            _ => self.load(view, engine, scene, input)?,
+        let Subject { scene, input, quality, frame, .. } = *subject;
+        if matches!(view, PictureView::Light | PictureView::Maps) {
+            self.draw_panel(view, engine, subject, plan, out);
+            return Ok(());
         }
+        self.load(view, engine, scene, input)?;
+        let light = light_of(view, input.light);
+        let own_background = self.draw_background(view, input, scene, &light);
         let scene = if has_own_scene(view) { &self.scene } else { scene };
-        let mut light = *input.light;
-        match view {
-            PictureView::Direct => light.global = RadianceSh::zero(light.global.order),
-            PictureView::Global => light.hard = HardLights::none(),
-            PictureView::SelfShadow => light = even_light(light.global.order),
-            _ => {}
-        }
-        match view {
-            PictureView::Direct | PictureView::Global => {
-                let (lens, pose) = (input.lens, input.world_from_camera);
-                self.place.draw(&scene.surfaces, lens, pose, &light, &mut self.background);
-            }
-            PictureView::Cast => even(&mut self.background, [width, height], WHITE),
-            PictureView::SelfShadow => even(&mut self.background, [width, height], BEHIND),
-            _ => {}
-        }
-        let own_background = matches!(
-            view,
-            PictureView::Direct | PictureView::Global | PictureView::Cast | PictureView::SelfShadow
-        );
         // Shares of light are shown as they are, not as a camera would expose them.
         let share = matches!(view, PictureView::Cast | PictureView::SelfShadow);
         let changed = RelightInput {
@@ -185,6 +154,48 @@ impl Views {
             out.display.pixels_mut().copy_from_slice(pixels.pixels());
         }
         Ok(())
+    }
+
+    /// Draws a view of the light or of the shadow maps, which no engine draws.
+    fn draw_panel(
+        &mut self,
+        view: PictureView,
+        engine: &mut dyn Engine,
+        subject: &Subject<'_>,
+        plan: &mut FramePlan,
+        out: &mut Picture,
+    ) {
+        let Subject { scene, input, quality, samples, .. } = *subject;
+        let size = [input.background.radiance.width(), input.background.radiance.height()];
+        effects::plan(&Occasion::default(), scene, input.light, quality, plan);
+        if view == PictureView::Light {
+            panels::light(samples.unwrap_or_else(|| engine.measured_samples()), input.light, size, out);
+        } else {
+            self.draw_maps(scene, input, quality);
+            panels::maps(&self.shadows, size, out);
+        }
+        out.t = input.t;
+    }
+
+    /// Draws what a view has in place of the camera's picture; returns whether it has anything.
+    fn draw_background(
+        &mut self,
+        view: PictureView,
+        input: &RelightInput<'_>,
+        scene: &Scene,
+        light: &Lights,
+    ) -> bool {
+        let size = [input.background.radiance.width(), input.background.radiance.height()];
+        let surfaces = if has_own_scene(view) { &self.scene.surfaces } else { &scene.surfaces };
+        match view {
+            PictureView::Direct | PictureView::Global => {
+                self.place.draw(surfaces, input.lens, input.world_from_camera, light, &mut self.background);
+            }
+            PictureView::Cast => even(&mut self.background, size, WHITE),
+            PictureView::SelfShadow => even(&mut self.background, size, BEHIND),
+            _ => return false,
+        }
+        true
     }
 
     /// Gives the engine the scene of the view, where it does not hold it already.
@@ -249,6 +260,18 @@ impl Views {
 fn has_own_scene(view: PictureView) -> bool {
     use PictureView::{Blockers, Lambert, Mirror, Phong, SelfShadow};
     matches!(view, SelfShadow | Lambert | Phong | Mirror | Blockers)
+}
+
+/// The light that a view shows.
+fn light_of(view: PictureView, measured: &Lights) -> Lights {
+    let mut light = *measured;
+    match view {
+        PictureView::Direct => light.global = RadianceSh::zero(light.global.order),
+        PictureView::Global => light.hard = HardLights::none(),
+        PictureView::SelfShadow => light = even_light(light.global.order),
+        _ => {}
+    }
+    light
 }
 
 /// Radiance 1 from everywhere.

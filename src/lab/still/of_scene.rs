@@ -14,6 +14,7 @@ use crate::hdr::response::{Origin, SolveOptions, solve};
 use crate::light::{maps::MapAxes, unwrap_ball::BallShot};
 use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
+use crate::math::spiral;
 use crate::model::{
     image::HdrImage,
     light::{EnvironmentMap, HardLight, Lights, RadianceSh},
@@ -300,9 +301,10 @@ fn lacks_ball(place: &HdrImage, picture: &HdrImage, camera: &SceneCamera, ball: 
     let mut differences = Vec::new();
     for k in 0..400 {
         // A sunflower on the disc through the centre that faces the camera, inside 0.9 of the radius.
-        let (radius, turn) = (0.9 * ball.radius_m * (f64::from(k) / 400.0).sqrt(), 2.399_963 * f64::from(k));
+        let radius = 0.9 * ball.radius_m * (k as f64 / 400.0).sqrt();
+        let turn = spiral::turn(k);
         let (right, down) = centre.normalize_or(DVec3::Z).any_orthonormal_pair();
-        let at = centre + (right * turn.cos() + down * turn.sin()) * radius;
+        let at = centre + (right * turn.x + down * turn.y) * radius;
         let Some(px) = camera.lens.project(at) else { continue };
         if px.x >= 0.0 && px.y >= 0.0 && (px.x as usize) < a.width() && (px.y as usize) < a.height() {
             let (x, y) = (px.x as usize, px.y as usize);

@@ -1,6 +1,7 @@
 //! Every format against a plain reference in f64.
 
 use super::*;
+use crate::math::dice::Dice;
 use crate::model::pixels::{PixelLayout, PixelPool, YuvMatrix, YuvRange};
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use proptest::prelude::*;
@@ -16,15 +17,8 @@ fn pixels_of(layout: PixelLayout, bytes: Vec<u8>) -> FramePixels {
 
 /// Bytes without a pattern.
 fn bytes(seed: u64, count: usize) -> Vec<u8> {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    (0..count)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 32) as u8
-        })
-        .collect()
+    let mut dice = Dice::new(seed);
+    (0..count).map(|_| (dice.bits() >> 56) as u8).collect()
 }
 
 /// Y, Cb, Cr at a pixel, straight from the definition of the format.
@@ -218,8 +212,8 @@ fn jpegs_that_are_cut_or_have_no_tables_are_refused_with_the_reason() {
             .unwrap_err()
             .to_string()
     };
-    assert!(refusal(24, file[..file.len() - 40].to_vec()).contains("it is cut: it has no end"));
-    assert!(refusal(24, file[..30].to_vec()).contains("ends before its scan"));
+    assert!(refusal(24, file[..file.len() - 40].to_vec()).contains("cut: it ends after"));
+    assert!(refusal(24, file[..30].to_vec()).contains("cut: it ends after 30 bytes"));
     assert!(refusal(32, file.clone()).contains("it is 24 x 16, must be 32 x 16"));
     assert!(refusal(24, vec![0; 64]).contains("does not begin"));
     // The Huffman tables taken out, as many webcams do.

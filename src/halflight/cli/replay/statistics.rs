@@ -2,6 +2,7 @@
 
 use crate::device::Truth;
 use crate::light::split::{SplitOptions, split};
+use crate::math::color::gray;
 use crate::model::{estimate::Provenance, light::RadianceSh};
 use crate::pipeline::frame::{FrameOutcome, Stage};
 use crate::plan::governor::Choice;
@@ -63,10 +64,6 @@ impl FrameNumbers {
         }
         numbers
     }
-}
-
-fn gray(rgb: [f64; 3]) -> f64 {
-    0.3 * rgb[0] + 0.59 * rgb[1] + 0.11 * rgb[2]
 }
 
 /// E_d of the truth, split as the measured light is.
