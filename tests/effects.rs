@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 use halflight::{
     animate::posed::Posed,
     engine::{
-        Engine, Live, RelightInput,
+        Engine, LiveMemory, RelightInput,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
@@ -350,7 +350,7 @@ fn memory_of(pass: Pass, has_picture: bool) -> Vec<&'static str> {
 
 /// What lives is exactly what the passes need.
 fn lives_for(engine: &dyn Engine, shot: &Shot, passes: &[Pass], on_device: bool) {
-    let mut live: Vec<Live> = Vec::new();
+    let mut live: Vec<LiveMemory> = Vec::new();
     engine.live(&mut live);
     assert!(live.iter().all(|l| l.bytes > 0));
     // Stand-ins of one texel where a binding has to be filled, and the times of passes where devices tell them.

@@ -4,7 +4,7 @@
 use halflight::config::presets;
 use halflight::device::{Clock, FrameSource, clock::ManualClock, open};
 use halflight::engine::{
-    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, cpu::CpuEngine,
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput, cpu::CpuEngine,
 };
 use halflight::model::{
     frame::Exposure,
@@ -97,7 +97,7 @@ impl Engine for Loaded {
         self.inner.dispatched()
     }
 
-    fn live(&self, out: &mut Vec<Live>) {
+    fn live(&self, out: &mut Vec<LiveMemory>) {
         self.inner.live(out);
     }
 

@@ -3,10 +3,11 @@
 
 use halflight::config::{Settings, file, keys::KEYS, resolve, settings::RunMode};
 use halflight::daemon::{
+    commands::Commands,
     host::Host,
     prepare::prepare,
     run::run_from,
-    settings_thread::{LiveSettings, SettingsThread},
+    settings_thread::{FollowedFile, LiveSettings, SettingsThread, Wishes},
 };
 use halflight::device::clock::MonotonicClock;
 use halflight::model::{image::Rgb8Image, picture::PictureView};
@@ -186,7 +187,10 @@ fn a_thread_follows_the_file_and_brings_what_is_ready() {
     let live = LiveSettings::new(&base(), Arc::clone(&scene), &prepared.cycle);
     let inbox = Arc::<Inbox>::default();
     let clock = Arc::new(MonotonicClock::default());
-    let follows = SettingsThread::start(&path, "", typed, live, Arc::clone(&inbox), clock).unwrap();
+    let file = FollowedFile { path: path.clone(), content: String::new(), read: Box::new(typed) };
+    let wishes = Arc::new(Wishes::new(&base()));
+    let follows =
+        SettingsThread::start(Some(file), Arc::clone(&wishes), live, Arc::clone(&inbox), clock).unwrap();
     std::fs::write(&path, "present.view = \"mirror\"").unwrap();
     let change = next_change(&inbox);
     assert_eq!(change.options.view, PictureView::Mirror);
@@ -198,6 +202,43 @@ fn a_thread_follows_the_file_and_brings_what_is_ready() {
     assert_eq!(change.options.quality.spheres, 6);
     let dressed = change.scene.expect("dressed on the thread");
     assert!(dressed.figures.iter().zip(&scene.figures).any(|(new, old)| new.spheres != old.spheres));
+    // A command is a wish, and comes after what the file has said.
+    let commands = Commands::new(Arc::clone(&inbox), wishes);
+    assert_eq!(commands.answer("set present.hud true"), "present.hud = true");
+    let change = next_change(&inbox);
+    assert!(change.options.hud && change.options.view == PictureView::Mirror, "the file's still holds");
     drop(follows);
     std::fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn commands_say_what_is_and_what_is_allowed() {
+    let inbox = Arc::<Inbox>::default();
+    let wishes = Arc::new(Wishes::new(&base()));
+    let commands = Commands::new(Arc::clone(&inbox), Arc::clone(&wishes));
+    let answer = |line: &str| commands.answer(line);
+    assert_eq!(answer("get present.view"), "present.view = \"final\"");
+    assert_eq!(answer("get light").matches("; ").count() + 1, answer("get light").matches(" = ").count());
+    assert_eq!(answer(" set present.view  mirror "), "present.view = \"mirror\"");
+    assert_eq!(answer("set quality.pcf_taps 3"), "quality.pcf_taps = 3");
+    let wished = wishes.settings();
+    assert_eq!((wished.view, wished.quality.pcf_taps), (PictureView::Mirror, 3), "wishes add up");
+    for (line, says) in [
+        ("set present.view mirrors", "mirror"),
+        ("set quality.pcf_taps 1000", "must be"),
+        ("set engine.threads 2", "next start"),
+        ("set present.vew mirror", "did you mean present.view?"),
+        ("get nothing.such", "unknown key"),
+        ("set present.view", "a key and a value"),
+        ("reboot", "Known: help"),
+        ("", "Known: help"),
+    ] {
+        let reply = answer(line);
+        assert!(reply.starts_with("error: ") && reply.contains(says), "{line}: {reply}");
+        assert!(!reply.contains('\n'));
+    }
+    assert_eq!(wishes.settings(), wished, "a mistake changes nothing");
+    assert!(answer("status").starts_with("turns 0 "));
+    assert_eq!(answer("stop"), "the daemon ends");
+    assert!(matches!(inbox.try_take(false), Some(Event::Command(Command::Stop))));
 }

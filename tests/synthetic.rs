@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::{DQuat, DVec2, DVec3};
-use halflight::device::synthetic::{self, Options, PAPER_SIDE_M, TAG_SIDE_M};
+use halflight::device::synthetic::{self, PAPER_SIDE_M, SyntheticOptions, TAG_SIDE_M};
 use halflight::device::{ErrorKind, FrameSource, ImuSource};
 use halflight::math::lens::Lens;
 use halflight::math::pose::Pose;
@@ -15,7 +15,7 @@ use halflight::model::time::Timestamp;
 const NEVER: Timestamp = Timestamp(i64::MAX);
 /// A small picture with coarse light: the geometry and the arithmetic are those of the large one.
 fn open(more: &str) -> (synthetic::SyntheticSource, synthetic::SyntheticImu) {
-    synthetic::open(&Options::parse(&format!("size=320x240,frames=6,texel_mm=5,{more}")).unwrap())
+    synthetic::open(&SyntheticOptions::parse(&format!("size=320x240,frames=6,texel_mm=5,{more}")).unwrap())
 }
 
 fn project(lens: &Lens, world_from_camera: &Pose, p: DVec3) -> DVec2 {
@@ -68,7 +68,7 @@ fn the_tag_appears_where_the_truth_puts_it() {
 fn tag_ball_and_free_place_are_in_view_all_the_time() {
     // Long enough for the slow drift to reach its ends, for several seeds, in the picture's full frame.
     for seed in 1..6 {
-        let trajectory = synthetic::motion::Trajectory::new(seed, 1.0, synthetic::Subject::Desk);
+        let trajectory = synthetic::motion::Trajectory::new(seed, 1.0, synthetic::SyntheticSubject::Desk);
         let lens = Lens::pinhole(640, 480, 652.8, 652.8, 320.0, 240.0);
         for k in 0..600 {
             let pose = trajectory.world_from_camera(1.0 + f64::from(k) * 0.1);
@@ -167,7 +167,7 @@ fn equal_options_give_equal_pixels_for_any_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let options = Options::parse("seed=3,size=96x64,texel_mm=10").unwrap();
+            let options = SyntheticOptions::parse("seed=3,size=96x64,texel_mm=10").unwrap();
             let (mut source, mut imu) = synthetic::open_anew(&options);
             let frame = source.next(NEVER).unwrap();
             let mut samples = Vec::new();

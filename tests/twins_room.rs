@@ -13,7 +13,7 @@ use halflight::{
     engine::{
         Engine, RelightInput,
         cpu::CpuEngine,
-        gpu::{Backend, GpuEngine, Spread},
+        gpu::{Backend, GpuEngine, MapSpread},
     },
     math::{
         lens::{Distortion, Lens},
@@ -118,7 +118,7 @@ fn apart(device: &Picture, twin: &Picture) -> Apart {
 }
 
 /// What is allowed for a pass on the device (`None`: both), about twice what was measured on llvmpipe.
-fn allowed(own: Option<Pass>, spread: Spread, places: u32) -> Apart {
+fn allowed(own: Option<Pass>, spread: MapSpread, places: u32) -> Apart {
     // A texel that changes sides is all of a hard light, and a share of a light that is read at several places.
     let worst = match places {
         1 => 0.5,
@@ -127,7 +127,7 @@ fn allowed(own: Option<Pass>, spread: Spread, places: u32) -> Apart {
     };
     match own {
         // Sums of 16-bit floats, which llvmpipe cuts off: measured 0.4 % of what is taken by 20 lights.
-        None if spread == Spread::Each => Apart { share: 0.06, worst, energy: 0.01 },
+        None if spread == MapSpread::Each => Apart { share: 0.06, worst, energy: 0.01 },
         // Sums of f32 in the same order; a tap at the border of a texel falls on either side. Edges that are bent through
         // the lens are drawn as short straight ones: measured 1e-3 there, no pixel elsewhere but 5e-5.
         // There a place of four changes sides in 14 pixels (measured 0.045 at worst). The light is held by `wanted.tsv`.
@@ -211,11 +211,11 @@ fn matches(backend: Backend) {
         assert!(shadowed > 1000, "{name}: {shadowed} pixels in shadow");
         let [maps, subtract] = room(&quality);
         for (own, spread) in [
-            (Some(maps), Spread::Together),
-            (Some(subtract), Spread::Together),
-            (None, Spread::Together),
-            (Some(maps), Spread::Each),
-            (None, Spread::Each),
+            (Some(maps), MapSpread::Together),
+            (Some(subtract), MapSpread::Together),
+            (None, MapSpread::Together),
+            (Some(maps), MapSpread::Each),
+            (None, MapSpread::Each),
         ] {
             let others = room(&quality).into_iter().filter(|pass| own.is_some_and(|own| own != *pass));
             let others: Vec<String> = others.map(|pass| pass.name().to_owned()).collect();
@@ -247,7 +247,7 @@ fn objects_match(mut engine: GpuEngine, cpu: &mut CpuEngine) {
     let twin = shot.draw(cpu);
     for others in [&[][..], &[Pass::PointMaps], &[Pass::Subtract], &[Pass::ShadeObject]] {
         let names: Vec<String> = others.iter().map(|pass| pass.name().to_owned()).collect();
-        engine = engine.with_cpu_kernels(&names).unwrap().with_near_lights(Spread::Together);
+        engine = engine.with_cpu_kernels(&names).unwrap().with_near_lights(MapSpread::Together);
         engine.load_room(Some(Arc::clone(&known))).unwrap();
         engine.load_scene(&shot.scene).unwrap();
         let found = apart(&shot.draw(&mut engine), &twin);

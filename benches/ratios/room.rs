@@ -9,7 +9,7 @@ use halflight::{
     engine::{
         Engine, RelightInput, Timings,
         cpu::CpuEngine,
-        gpu::{Backend, GpuEngine, Spread},
+        gpu::{Backend, GpuEngine, MapSpread},
     },
     math::{lens::Lens, pose::Pose},
     model::{
@@ -181,14 +181,14 @@ pub fn run() {
             }
         };
         println!("  {}", engine.description());
-        let mut engine = engine.with_near_lights(Spread::Together);
+        let mut engine = engine.with_near_lights(MapSpread::Together);
         let together = table(&mut engine, "one pass of maps", &known, NearForm::Ratio, places);
         if hard {
             continue;
         }
         let displayed = table(&mut engine, "one pass of maps, 8-bit", &known, NearForm::Ldr, places);
         compare(&displayed, &together, "8-bit (a pass a light) / ratio form");
-        let mut engine = engine.with_near_lights(Spread::Each);
+        let mut engine = engine.with_near_lights(MapSpread::Each);
         let each = table(&mut engine, "a pass a map", &known, NearForm::Ratio, places);
         compare(&each, &together, "a pass a map / one pass of maps");
     }

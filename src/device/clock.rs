@@ -19,7 +19,7 @@ pub trait Clock: Send + Sync {
     }
 }
 
-/// A flag that threads wait for. Once raised it stays so. Clones share it.
+/// A flag that threads wait for. It stays raised until somebody takes it down. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Signal(Arc<SignalState>);
 
@@ -34,6 +34,11 @@ impl Signal {
     pub fn raise(&self) {
         *self.lock() = true;
         self.0.changed.notify_all();
+    }
+
+    /// Takes the flag down; returns whether it was raised. For flags that one thread waits for, again and again.
+    pub fn take(&self) -> bool {
+        std::mem::take(&mut *self.lock())
     }
 
     /// Returns whether the flag is raised.

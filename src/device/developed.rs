@@ -67,8 +67,9 @@ impl<S: CaptureSource> FrameSource for DevelopedCamera<S> {
             let error = match self.developer.develop(&captured.pixels) {
                 Ok(pixels) => {
                     self.broken = 0;
+                    let row_time_s = captured.pixels.layout().row_time_s;
                     let CapturedFrame { sequence, t_mid, exposure, .. } = captured;
-                    return Ok(RawFrame { sequence, t_mid, exposure, pixels });
+                    return Ok(RawFrame { sequence, t_mid, exposure, pixels, row_time_s });
                 }
                 Err(error) => error,
             };

@@ -14,7 +14,7 @@ use crate::model::{
 };
 use crate::synthetic::random::uniform;
 use crate::{
-    Command, CommandLink, DeviceError, Display, DisplayEvent, DisplayMode, ErrorKind, FrameSource, ImuSource,
+    CommandLink, DeviceError, Display, DisplayEvent, DisplayMode, ErrorKind, FrameSource, ImuSource, Request,
 };
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -257,6 +257,7 @@ impl FakeCamera {
                 .copied()
                 .unwrap_or(Exposure { time_s: 0.01, gain: 1.0 }),
             pixels: Arc::clone(&pixels),
+            row_time_s: 0.0,
         })
     }
 
@@ -358,7 +359,7 @@ impl Display for FakeDisplay {
 
 /// A fake command link: requests come from a port; replies are kept.
 pub struct FakeCommandLink {
-    device: FakeDevice<Command>,
+    device: FakeDevice<Request>,
     /// Replies so far: number of the request, text.
     pub replies: Arc<Mutex<Vec<(u64, String)>>>,
 }
@@ -370,8 +371,8 @@ impl FakeCommandLink {
         period_s: f64,
         script: FakeScript,
         lines: Vec<String>,
-    ) -> FakePort<Command> {
-        FakePort::new(clock, period_s, script, move |id, _| Command {
+    ) -> FakePort<Request> {
+        FakePort::new(clock, period_s, script, move |id, _| Request {
             id,
             text: lines.get(id as usize % lines.len().max(1)).cloned().unwrap_or_default(),
         })
@@ -379,7 +380,7 @@ impl FakeCommandLink {
 
     /// Opens the link in this port; replies go on in the list handed in.
     pub fn open(
-        port: &FakePort<Command>,
+        port: &FakePort<Request>,
         replies: Arc<Mutex<Vec<(u64, String)>>>,
     ) -> Result<Self, DeviceError> {
         Ok(Self { device: port.open()?, replies })
@@ -387,7 +388,7 @@ impl FakeCommandLink {
 }
 
 impl CommandLink for FakeCommandLink {
-    fn next(&mut self, deadline: Timestamp) -> Result<Command, DeviceError> {
+    fn next(&mut self, deadline: Timestamp) -> Result<Request, DeviceError> {
         self.device.next(deadline)
     }
 
@@ -445,7 +446,7 @@ mod tests {
         let replies = Arc::default();
         let mut link = FakeCommandLink::open(&port, Arc::clone(&replies)).unwrap();
         let first = link.next(Timestamp::from_seconds(0.1)).unwrap();
-        assert_eq!(first, Command { id: 0, text: "status".into() });
+        assert_eq!(first, Request { id: 0, text: "status".into() });
         assert_eq!(link.next(Timestamp::from_seconds(0.1)).unwrap_err().kind, ErrorKind::Again);
         assert_eq!(link.next(Timestamp::NEVER).unwrap().text, "light hold");
         link.reply(0, "ok").unwrap();

@@ -24,12 +24,14 @@ pub mod clock;
 pub mod developed;
 pub mod error;
 pub mod fake;
+pub mod null_display;
 pub mod open;
 pub mod pace;
 pub mod parameters;
 pub mod record;
 pub mod recording;
 pub mod replay;
+pub mod stdio_link;
 pub mod supervise;
 pub mod synthetic;
 pub mod truth;
@@ -151,14 +153,14 @@ pub trait Display: Send {
 
 /// One request over a command link.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Command {
+pub struct Request {
     /// Counts the requests of one link; the reply names it.
     pub id: u64,
-    /// One line of text without its end; at most [`Command::LONGEST`] bytes.
+    /// One line of text without its end; at most [`Request::LONGEST`] bytes.
     pub text: String,
 }
 
-impl Command {
+impl Request {
     /// The most bytes in one request; a link drops longer lines and replies that it did.
     pub const LONGEST: usize = 1024;
 }
@@ -167,7 +169,7 @@ impl Command {
 /// fit into the link's buffer is dropped and counted by the link.
 pub trait CommandLink: Send {
     /// The next request, whole. `Again` if none came by the deadline; half a line waits for its end.
-    fn next(&mut self, deadline: Timestamp) -> Result<Command, DeviceError>;
+    fn next(&mut self, deadline: Timestamp) -> Result<Request, DeviceError>;
 
     /// Answers the request with this number by one line of text.
     fn reply(&mut self, id: u64, text: &str) -> Result<(), DeviceError>;

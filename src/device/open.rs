@@ -1,21 +1,29 @@
 //! The one place where a name becomes a device.
 
-use super::{DeviceError, ErrorKind, FrameSource, ImuSource, parameters::nearest, replay, synthetic};
+use super::{
+    Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource, null_display::NullDisplay,
+    parameters::nearest, replay, stdio_link::LineLink, synthetic,
+};
+use std::sync::Arc;
 
 /// An opened camera, with its inertial sensor where it has one.
-pub struct Opened {
+pub struct OpenedDevices {
     /// The camera.
     pub frames: Box<dyn FrameSource>,
     /// The inertial sensor.
     pub imu: Option<Box<dyn ImuSource>>,
 }
 
-/// What stands before the colon of a device name.
+/// What stands before the colon of a camera's name.
 pub const SCHEMES: [&str; 2] = ["synthetic", "replay"];
+/// What stands before the colon of a display's name.
+pub const DISPLAYS: [&str; 1] = ["null"];
+/// Names of command links.
+pub const LINKS: [&str; 1] = ["stdio"];
 
-/// Opens `synthetic:key=value,..` (see `synthetic::Options`), `replay:FILE` or a path that ends in `.mcap`.
+/// Opens `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`.
 /// `Refused` for anything else, with what is known and what comes nearest.
-pub fn open(name: &str) -> Result<Opened, DeviceError> {
+pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
     let (scheme, rest) = match name.split_once(':') {
         Some((scheme, rest)) if !name.ends_with(".mcap") || SCHEMES.contains(&scheme) => (scheme, rest),
         _ if name.ends_with(".mcap") => ("replay", name),
@@ -23,22 +31,41 @@ pub fn open(name: &str) -> Result<Opened, DeviceError> {
     };
     match scheme {
         "synthetic" => {
-            let (frames, imu) = synthetic::open(&synthetic::Options::parse(rest)?);
-            Ok(Opened { frames: Box::new(frames), imu: Some(Box::new(imu)) })
+            let (frames, imu) = synthetic::open(&synthetic::SyntheticOptions::parse(rest)?);
+            Ok(OpenedDevices { frames: Box::new(frames), imu: Some(Box::new(imu)) })
         }
         "replay" => {
             let (frames, imu) = replay::open(&replay::ReplayOptions::parse(rest)?)?;
-            Ok(Opened { frames: Box::new(frames), imu: imu.map(|imu| Box::new(imu) as Box<dyn ImuSource>) })
+            Ok(OpenedDevices {
+                frames: Box::new(frames),
+                imu: imu.map(|imu| Box::new(imu) as Box<dyn ImuSource>),
+            })
         }
-        _ => {
-            let hint =
-                nearest(scheme, &SCHEMES).map(|s| format!("did you mean \"{s}:\"? ")).unwrap_or_default();
-            let action = format!(
-                "unknown kind of device \"{scheme}\": {hint}Known: synthetic:key=value,.. | replay:FILE | FILE.mcap"
-            );
-            Err(DeviceError::new(name, action, ErrorKind::Refused))
-        }
+        _ => Err(unknown(name, scheme, &SCHEMES, "synthetic:key=value,.. | replay:FILE | FILE.mcap")),
     }
+}
+
+/// Opens the display `null:hz=60`. `Refused` for anything else, with what is known and what comes nearest.
+pub fn open_display(name: &str, clock: Arc<dyn Clock>) -> Result<Box<dyn Display>, DeviceError> {
+    let (scheme, rest) = name.split_once(':').unwrap_or((name, ""));
+    match scheme {
+        "null" => Ok(Box::new(NullDisplay::open(name, rest, clock)?)),
+        _ => Err(unknown(name, scheme, &DISPLAYS, "null:hz=60")),
+    }
+}
+
+/// Opens the command link `stdio`. `Refused` for anything else, with what is known and what comes nearest.
+pub fn open_link(name: &str, clock: Arc<dyn Clock>) -> Result<Box<dyn CommandLink>, DeviceError> {
+    match name {
+        "stdio" => Ok(Box::new(LineLink::new(std::io::stdin(), std::io::stdout(), clock)?)),
+        _ => Err(unknown(name, name, &LINKS, "stdio")),
+    }
+}
+
+fn unknown(name: &str, scheme: &str, schemes: &[&str], known: &str) -> DeviceError {
+    let hint = nearest(scheme, schemes).map(|s| format!("did you mean \"{s}\"? ")).unwrap_or_default();
+    let action = format!("unknown kind of device \"{scheme}\": {hint}Known: {known}");
+    DeviceError::new(name, action, ErrorKind::Refused)
 }
 
 #[cfg(test)]
@@ -53,10 +80,20 @@ mod tests {
 
     #[test]
     fn unknown_names_are_refused_with_what_is_known() {
-        assert!(refusal("synthetik:frames=3").contains("did you mean \"synthetic:\"?"));
+        assert!(refusal("synthetik:frames=3").contains("did you mean \"synthetic\"?"));
         assert!(refusal("/dev/video0").contains("Known: synthetic:"));
         assert!(refusal("").contains("Known: synthetic:"));
         assert!(refusal("no/such/file.mcap").contains("replay:no/such/file.mcap: open the file"));
         assert!(refusal("synthetic:frame=3").contains("did you mean \"frames\"?"));
+    }
+
+    #[test]
+    fn displays_and_links_are_known_by_name() {
+        let clock: Arc<dyn Clock> = Arc::new(crate::clock::ManualClock::default());
+        assert!(open_display("null:hz=75", Arc::clone(&clock)).is_ok());
+        let refusal = open_display("nul:hz=75", Arc::clone(&clock)).err().unwrap();
+        assert_eq!(refusal.kind, ErrorKind::Refused);
+        assert!(refusal.to_string().contains("did you mean \"null\"? Known: null:hz=60"));
+        assert!(open_link("/dev/ttyS1", clock).err().unwrap().to_string().contains("Known: stdio"));
     }
 }

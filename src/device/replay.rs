@@ -255,6 +255,7 @@ impl<R: Read + Seek> ReplaySource<R> {
             t_mid: note.t_mid,
             exposure: note.exposure,
             pixels: Arc::new(pixels),
+            row_time_s: 0.0,
         })
     }
 }

@@ -10,7 +10,7 @@ mod twins;
 
 pub(crate) use twins::Twins;
 
-use super::{Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput};
+use super::{Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput};
 use crate::frame::{FrameJob, FrameState, TwinPasses, check_frame, check_light};
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -133,7 +133,7 @@ impl Engine for CpuEngine {
         Ok(())
     }
 
-    fn live(&self, out: &mut Vec<Live>) {
+    fn live(&self, out: &mut Vec<LiveMemory>) {
         self.state.live(out);
     }
 

@@ -107,7 +107,7 @@ pub struct RelightInput<'a> {
 
 /// Memory that an engine holds for its passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Live {
+pub struct LiveMemory {
     /// What it is.
     pub name: &'static str,
     /// How large.
@@ -172,7 +172,7 @@ pub trait Engine: Send {
     fn dispatched(&self) -> &[Pass];
     /// What lives for the last frame, by name: on the device its buffers and textures, on the CPU the pictures and maps that
     /// passes make. What is made for passes that a frame does not use is freed when it begins.
-    fn live(&self, out: &mut Vec<Live>);
+    fn live(&self, out: &mut Vec<LiveMemory>);
     /// Time of each pass since the last call of `take_timings`, in order.
     fn take_timings(&mut self, out: &mut Vec<PassTiming>);
 }

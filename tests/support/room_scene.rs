@@ -14,7 +14,7 @@ use halflight::{
     },
     nearfield::{
         field::NearField,
-        marks::{Marks, View, bounds_world},
+        marks::{Marks, SeenReceivers, bounds_world},
         representatives::{Representative, Representatives},
         shaft::{Aabb, shaft_interval},
         subtract::seen_part,
@@ -162,7 +162,7 @@ impl Object {
 /// Marks and chooses; what a frame keeps.
 #[derive(Default)]
 pub struct Shadows {
-    pub view: View,
+    pub view: SeenReceivers,
     pub marks: Marks,
     pub lights: Representatives,
     pub rows: Vec<[f32; 3]>,

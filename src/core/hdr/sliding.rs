@@ -228,6 +228,7 @@ mod tests {
             t_mid: Timestamp(0),
             exposure: Exposure { time_s, gain: 1.0 },
             pixels: Arc::new(Rgb8Image::filled(64, 48, [z; 3])),
+            row_time_s: 0.0,
         }
     }
 

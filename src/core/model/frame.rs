@@ -30,6 +30,9 @@ pub struct RawFrame {
     pub exposure: Exposure,
     /// 8-bit RGB through the camera's response.
     pub pixels: Arc<Rgb8Image>,
+    /// Seconds from the exposure of one row to that of the next (rolling shutter); 0: all rows at once. `t_mid` is the middle
+    /// row's.
+    pub row_time_s: f64,
 }
 
 /// One camera frame as its driver gives it, in any format; `device::developed` makes a [`RawFrame`] of it.

@@ -18,7 +18,7 @@ use crate::{
 };
 use rayon::prelude::*;
 
-pub use super::sent::Source;
+pub use super::sent::SendingPatch;
 
 /// Share of the progress that `Sent::find` takes.
 const SENT_SHARE: f32 = 0.8;
@@ -85,7 +85,7 @@ pub struct NearField {
     /// The room's patches and vertices.
     pub patches: RoomPatches,
     /// The source set, in the tree's own order.
-    pub sources: Vec<Source>,
+    pub sources: Vec<SendingPatch>,
     /// The tree over them.
     pub source_tree: SourceTree,
     /// Box of each node of the source tree.
@@ -251,7 +251,7 @@ impl NearField {
 }
 
 /// For each vertex the luminance from which on a source counts, and the largest share neglected anywhere.
-fn thresholds(sources: &[Source], rows: &Transfers, receiving: &[bool], share: f64) -> (Vec<f32>, f32) {
+fn thresholds(sources: &[SendingPatch], rows: &Transfers, receiving: &[bool], share: f64) -> (Vec<f32>, f32) {
     let of_block = |(block, receiving): (usize, &[bool])| {
         let mut light: Vec<Vec<f32>> = vec![Vec::with_capacity(sources.len()); receiving.len()];
         for (index, source) in sources.iter().enumerate() {

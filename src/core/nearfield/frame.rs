@@ -4,7 +4,7 @@
 
 use super::{
     field::NearField,
-    marks::{Marks, View},
+    marks::{Marks, SeenReceivers},
     representatives::{Representative, Representatives},
     shaft::Aabb,
     sun_shadows::SunShadows,
@@ -41,7 +41,7 @@ pub struct NearQuality {
 /// A frame; keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct NearFrame {
-    view: View,
+    view: SeenReceivers,
     marks: Marks,
     chosen: Representatives,
     suns: SunMarks,

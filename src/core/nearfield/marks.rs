@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3, Vec3};
 /// Which receivers a camera may see: the one part that depends on the view. What is hidden by other parts of the room
 /// still counts as seen.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct View {
+pub struct SeenReceivers {
     /// For each of [`NearField::receivers`].
     pub receivers: Vec<bool>,
     /// For each node of the octree: whether any of its receivers is seen.
@@ -23,7 +23,7 @@ pub struct View {
     cone: Option<(DVec3, f64)>,
 }
 
-impl View {
+impl SeenReceivers {
     /// Whether what a box contains may be in the picture, by its bounding sphere.
     pub fn may_see(&self, object: &Aabb) -> bool {
         let (to, radius) = (object.centre().as_dvec3() - self.eye, 0.5 * f64::from(object.diagonal()));
@@ -112,7 +112,7 @@ impl Marks {
     /// Marks every source and every leaf of receivers between which the box of at least one object reaches; only
     /// receivers in the view count, where one is given. Boxes that are empty or not finite reach nowhere. An object that
     /// contains a source or a receiver reaches into its shafts.
-    pub fn mark(&mut self, field: &NearField, objects: &[Aabb], view: Option<&View>) {
+    pub fn mark(&mut self, field: &NearField, objects: &[Aabb], view: Option<&SeenReceivers>) {
         self.begin(field, view);
         self.objects.clear();
         self.objects.extend(objects.iter().filter(|b| b.is_sound()));
@@ -184,14 +184,21 @@ impl Marks {
     }
 
     /// Puts a shaft on the list, where there is one and its receivers are seen.
-    fn open(&mut self, field: &NearField, view: Option<&View>, source: u32, receiver: u32, candidates: u32) {
+    fn open(
+        &mut self,
+        field: &NearField,
+        view: Option<&SeenReceivers>,
+        source: u32,
+        receiver: u32,
+        candidates: u32,
+    ) {
         let seen = view.is_none_or(|v| v.nodes.get(receiver as usize).is_some_and(|n| *n));
         if seen && field.shafts.has(source, receiver) {
             self.stack.push(OpenShaft { source, receiver, candidates });
         }
     }
 
-    fn begin(&mut self, field: &NearField, view: Option<&View>) {
+    fn begin(&mut self, field: &NearField, view: Option<&SeenReceivers>) {
         let sizes = [field.sources.len(), field.octree.nodes().len(), field.patches.vertices.len()];
         let lists = [&mut self.source_tags, &mut self.leaf_tags, &mut self.vertex_tags];
         let afresh = self.frame == u32::MAX;

@@ -32,7 +32,7 @@ const APART: f32 = 0.2;
 
 /// A source: a patch of the set, in the source tree's own order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
+pub struct SendingPatch {
     /// Index of the patch.
     pub patch: u32,
     /// Where its shadow is drawn from: its centroid, world frame, metres.
@@ -51,7 +51,7 @@ pub struct Ends {
     /// Patches that count as sources.
     pub set: SourceSet,
     /// The same in the tree's own order.
-    pub sources: Vec<Source>,
+    pub sources: Vec<SendingPatch>,
     /// The tree over them.
     pub source_tree: SourceTree,
     /// Box of each node of the source tree.
@@ -90,7 +90,7 @@ impl Ends {
         let power = |i: &u32| color::luminance(all[*i as usize].radiance_rgb) * all[*i as usize].area_m2;
         let powers: Vec<f32> = set.patches.iter().map(power).collect();
         let source_tree = SourceTree::build(&places, &powers);
-        let sources: Vec<Source> =
+        let sources: Vec<SendingPatch> =
             source_tree.order().iter().map(|&i| source(all, set.patches[i as usize])).collect();
         let scatters_m2 = sources.iter().map(|s| scatter_m2(patches, s)).collect();
         let source_boxes = node_boxes(&source_tree, &sources, patches);
@@ -206,9 +206,9 @@ fn check(how: &Preparation) -> Result<(), RoomError> {
     Ok(())
 }
 
-fn source(all: &[Patch], index: u32) -> Source {
+fn source(all: &[Patch], index: u32) -> SendingPatch {
     let patch = &all[index as usize];
-    Source {
+    SendingPatch {
         patch: index,
         centre_world: patch.centre_world,
         normal_world: patch.normal_world,
@@ -218,7 +218,7 @@ fn source(all: &[Patch], index: u32) -> Source {
 }
 
 /// A parallelogram about its middle has the scatter of its sides over 12; a triangle's is that of its corners over 12.
-fn scatter_m2(patches: &RoomPatches, source: &Source) -> [f32; 6] {
+fn scatter_m2(patches: &RoomPatches, source: &SendingPatch) -> [f32; 6] {
     let (corners, count) = patches.outline_world(&patches.patches[source.patch as usize]);
     let [a, b, c, d] = corners.map(|c| c.as_dvec3());
     let middle = source.centre_world.as_dvec3();
@@ -236,7 +236,7 @@ fn patch_box(patches: &RoomPatches, index: u32) -> Aabb {
     Aabb::around(corners[..count].iter().copied())
 }
 
-fn node_boxes(tree: &SourceTree, sources: &[Source], patches: &RoomPatches) -> Vec<Aabb> {
+fn node_boxes(tree: &SourceTree, sources: &[SendingPatch], patches: &RoomPatches) -> Vec<Aabb> {
     let mut boxes = vec![Aabb::EMPTY; tree.nodes().len()];
     for (i, node) in tree.nodes().iter().enumerate().rev() {
         boxes[i] = if node.is_leaf() {

@@ -4,7 +4,7 @@
 
 use super::{
     field::NearField,
-    marks::{Marks, View},
+    marks::{Marks, SeenReceivers},
     shaft::Aabb,
     sun_shadows::SunShadows,
 };
@@ -126,7 +126,7 @@ impl SunMarks {
         suns: &SunShadows,
         marks: &Marks,
         objects: &[Aabb],
-        view: Option<&View>,
+        view: Option<&SeenReceivers>,
     ) {
         let SunSources { tree, towards, lit } = suns.sources();
         let area_m2: f32 = marks.leaves().iter().map(|&leaf| field.sums().area_m2(leaf as usize)).sum();

@@ -3,7 +3,7 @@
 
 use super::{
     random::uniform_pair,
-    room::{BallView, Room},
+    room::{Room, SyntheticBallView},
 };
 use crate::math::spiral;
 use glam::{DVec2, DVec3};
@@ -80,7 +80,7 @@ pub fn bake(room: &mut Room, fineness: Fineness) {
         .flat_map(|(i, s)| (0..s.shape.faces()).map(move |f| (i, f)))
         .collect();
     for (solid, face) in &faces {
-        let light = direct(room, *solid, *face, BallView::Present, fineness);
+        let light = direct(room, *solid, *face, SyntheticBallView::Present, fineness);
         room.solids[*solid].light[*face] = light;
     }
     let windows: Vec<Grid> = faces.iter().map(|(s, f)| room.solids[*s].light[*f].soft.clone()).collect();
@@ -90,7 +90,9 @@ pub fn bake(room: &mut Room, fineness: Fineness) {
             .iter()
             .zip(&windows)
             .map(|((s, f), w)| {
-                gather(room, *s, *f, BallView::Present, w, side, fineness.seed + 100 + pass, &|_| true)
+                gather(room, *s, *f, SyntheticBallView::Present, w, side, fineness.seed + 100 + pass, &|_| {
+                    true
+                })
             })
             .collect();
         for ((s, f), grid) in faces.iter().zip(soft) {
@@ -110,7 +112,7 @@ fn bare_table(room: &Room, fineness: Fineness) -> FaceLight {
     let lamp = Grid::compute(lit.lamp.columns, lit.lamp.rows, |i, uv| {
         let (p, n) = shape.face_point(top, uv);
         if room.ball_near_segment(p, room.lamp.centre, room.lamp.radius) {
-            lamp_irradiance(room, p, n, BallView::Absent, [key, i as u64])
+            lamp_irradiance(room, p, n, SyntheticBallView::Absent, [key, i as u64])
         } else {
             glam::Vec3::from(lit.lamp.irradiance[i]).as_dvec3()
         }
@@ -119,12 +121,12 @@ fn bare_table(room: &Room, fineness: Fineness) -> FaceLight {
     let window = Grid::compute(lit.soft.columns, lit.soft.rows, |i, uv| {
         let (p, n) = shape.face_point(top, uv);
         if near(p) {
-            window_irradiance(room, p, n, BallView::Absent, [key ^ 0xa5a5, i as u64])
+            window_irradiance(room, p, n, SyntheticBallView::Absent, [key ^ 0xa5a5, i as u64])
         } else {
             DVec3::ZERO
         }
     });
-    let anew = gather(room, table, top, BallView::Absent, &window, FINAL_SIDE, key, &near);
+    let anew = gather(room, table, top, SyntheticBallView::Absent, &window, FINAL_SIDE, key, &near);
     let soft = Grid::compute(lit.soft.columns, lit.soft.rows, |i, uv| {
         let source = if near(shape.face_point(top, uv).0) { &anew } else { &lit.soft };
         glam::Vec3::from(source.irradiance[i]).as_dvec3()
@@ -144,7 +146,7 @@ fn counts(size: DVec2, texel: f64) -> (usize, usize) {
 }
 
 /// Light of the lamp and (coarsely) of the window, both with their shadows.
-fn direct(room: &Room, solid: usize, face: usize, ball: BallView, fineness: Fineness) -> FaceLight {
+fn direct(room: &Room, solid: usize, face: usize, ball: SyntheticBallView, fineness: Fineness) -> FaceLight {
     let shape = &room.solids[solid].shape;
     let size = shape.face_size(face);
     let scale = fineness.table_texel_m;
@@ -169,7 +171,7 @@ fn direct(room: &Room, solid: usize, face: usize, ball: BallView, fineness: Fine
 
 /// Irradiance from the lamp's globe: exact where nothing can stand in the way, else the visible share of
 /// stratified rays times the unshadowed value.
-fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2]) -> DVec3 {
+fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: SyntheticBallView, key: [u64; 2]) -> DVec3 {
     let to = room.lamp.centre - p;
     let distance = to.length();
     let axis = to / distance;
@@ -226,7 +228,7 @@ fn discs() -> (&'static [DVec2], &'static [DVec2]) {
 }
 
 /// Irradiance from the window, by stratified rays over its opening.
-fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: BallView, key: [u64; 2]) -> DVec3 {
+fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: SyntheticBallView, key: [u64; 2]) -> DVec3 {
     let w = &room.window;
     if (w.middle() - p).dot(n) <= -w.reach() {
         return DVec3::ZERO;
@@ -253,7 +255,7 @@ fn gather(
     room: &Room,
     solid: usize,
     face: usize,
-    ball: BallView,
+    ball: SyntheticBallView,
     window: &Grid,
     side: usize,
     seed: u64,

@@ -32,7 +32,7 @@ use crate::model::{
 use glam::{DMat3, DVec3};
 pub use motion::SyntheticImu;
 use motion::Trajectory;
-pub use options::{Options, Subject};
+pub use options::{SyntheticOptions, SyntheticSubject};
 pub use paint::{PAPER_SIDE_M, TAG_SIDE_M};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -47,7 +47,7 @@ const ROOM_FOCAL_WIDTHS: f64 = 0.70;
 
 /// The virtual room's camera.
 pub struct SyntheticSource {
-    options: Options,
+    options: SyntheticOptions,
     device: String,
     lens: Lens,
     place: Arc<BakedRoom>,
@@ -65,15 +65,15 @@ struct BakedRoom {
 }
 
 impl BakedRoom {
-    fn new(texel_mm: f64, view: Subject) -> Arc<Self> {
+    fn new(texel_mm: f64, view: SyntheticSubject) -> Arc<Self> {
         let fineness = bake::Fineness { table_texel_m: texel_mm * 1e-3, seed: 0x5eed };
         let room = room::Room::new(view, fineness);
         Arc::new(Self { light: truth::light_at_ball(&room), room })
     }
 
     /// The place as computed before in this process, if it was; it depends on nothing but the texel.
-    fn shared(texel_mm: f64, view: Subject) -> Arc<Self> {
-        static MADE: Mutex<Vec<(f64, Subject, Arc<BakedRoom>)>> = Mutex::new(Vec::new());
+    fn shared(texel_mm: f64, view: SyntheticSubject) -> Arc<Self> {
+        static MADE: Mutex<Vec<(f64, SyntheticSubject, Arc<BakedRoom>)>> = Mutex::new(Vec::new());
         let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((.., place)) = made().iter().find(|(texel, of, _)| *texel == texel_mm && *of == view) {
             return Arc::clone(place);
@@ -88,22 +88,22 @@ impl BakedRoom {
 }
 
 /// Opens the room's camera and its IMU. The first call takes a second or two to compute the light.
-pub fn open(options: &Options) -> (SyntheticSource, SyntheticImu) {
+pub fn open(options: &SyntheticOptions) -> (SyntheticSource, SyntheticImu) {
     assemble(options, BakedRoom::shared(options.texel_mm, options.view))
 }
 
 /// The same with all light computed anew.
-pub fn open_anew(options: &Options) -> (SyntheticSource, SyntheticImu) {
+pub fn open_anew(options: &SyntheticOptions) -> (SyntheticSource, SyntheticImu) {
     assemble(options, BakedRoom::new(options.texel_mm, options.view))
 }
 
-fn assemble(options: &Options, place: Arc<BakedRoom>) -> (SyntheticSource, SyntheticImu) {
+fn assemble(options: &SyntheticOptions, place: Arc<BakedRoom>) -> (SyntheticSource, SyntheticImu) {
     let trajectory = Arc::new(Trajectory::new(options.seed, options.motion, options.view));
     let response = film::film();
     let (width, height) = options.size;
     let focal_widths = match options.view {
-        Subject::Desk => FOCAL_WIDTHS,
-        Subject::Room => ROOM_FOCAL_WIDTHS,
+        SyntheticSubject::Desk => FOCAL_WIDTHS,
+        SyntheticSubject::Room => ROOM_FOCAL_WIDTHS,
     };
     let focal = focal_widths * f64::from(width);
     let end_s = START_S + options.frames as f64 / options.fps;
@@ -138,7 +138,7 @@ pub fn world_from_board() -> Pose {
 }
 
 /// The room as somebody would measure it with a tape: its walls, what stands on the floor, the window and the lamp.
-pub fn rough_room(view: Subject) -> crate::model::room::Room {
+pub fn rough_room(view: SyntheticSubject) -> crate::model::room::Room {
     rough::room(&furnish::furnish(view))
 }
 
@@ -203,7 +203,7 @@ impl FrameSource for SyntheticSource {
             light: self.place.light,
             to_light_world: truth::dominant_direction(&self.place.light),
         });
-        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels) })
+        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels), row_time_s: 0.0 })
     }
 
     fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
@@ -225,9 +225,9 @@ impl FrameSource for SyntheticSource {
     fn rig(&self) -> Option<Rig> {
         let tag = |side_m, world_from_tag| vec![TagPlacement { id: 0, side_m, world_from_tag }];
         let (tags, ball) = match self.options.view {
-            Subject::Desk => (tag(TAG_SIDE_M, world_from_tag()), Some(self.place.room.ball())),
+            SyntheticSubject::Desk => (tag(TAG_SIDE_M, world_from_tag()), Some(self.place.room.ball())),
             // The ball is too small in the picture to read light from.
-            Subject::Room => (tag(paint::BOARD_TAG_SIDE_M, world_from_board()), None),
+            SyntheticSubject::Room => (tag(paint::BOARD_TAG_SIDE_M, world_from_board()), None),
         };
         Some(Rig { lens: self.lens, tags, ball })
     }

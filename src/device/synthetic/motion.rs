@@ -1,7 +1,7 @@
 //! How the camera moves, and what an IMU on it feels.
 
 use super::{
-    options::Subject,
+    options::SyntheticSubject,
     random::{normal, uniform},
 };
 use crate::math::pose::Pose;
@@ -25,7 +25,7 @@ pub const ACCEL_NOISE_M_S2: f64 = 0.03;
 pub struct Trajectory {
     seed: u64,
     strength: f64,
-    view: Subject,
+    view: SyntheticSubject,
 }
 
 /// One sum of three sines with phases of its own; its largest value is at most 1.
@@ -42,7 +42,7 @@ fn sway(seed: u64, channel: u64, t: f64, rates_hz: [f64; 3]) -> f64 {
 
 impl Trajectory {
     /// `strength` scales all movement: 1 as held by hand, 0 on a tripod.
-    pub fn new(seed: u64, strength: f64, view: Subject) -> Self {
+    pub fn new(seed: u64, strength: f64, view: SyntheticSubject) -> Self {
         Self { seed, strength, view }
     }
 
@@ -50,7 +50,7 @@ impl Trajectory {
     pub fn world_from_camera(&self, t: f64) -> Pose {
         let slow = |channel| self.strength * sway(self.seed, channel, t, [0.10, 0.21, 0.37]);
         let fast = |channel| self.strength * sway(self.seed, channel, t, [1.3, 2.6, 4.3]);
-        if self.view == Subject::Room {
+        if self.view == SyntheticSubject::Room {
             // Before the table, at the height of a sitting head.
             let eye = DVec3::new(-0.08 + 0.16 * slow(1), -1.18 + 0.08 * slow(2), 0.32 + 0.07 * slow(3))
                 + DVec3::new(fast(4), fast(5), fast(6)) * 0.002;

@@ -20,7 +20,7 @@ pub const KEYS: [&str; 11] = [
 
 /// What the camera looks at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Subject {
+pub enum SyntheticSubject {
     /// The table's top, with the tag at the origin and the mirror ball beside it.
     #[default]
     Desk,
@@ -30,7 +30,7 @@ pub enum Subject {
 
 /// All that defines a run: equal options give equal pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct SyntheticOptions {
     /// How many frames until the source ends (key `frames`, 1..=1000000, default 90).
     pub frames: u64,
     /// Of the noise and the movement (key `seed`, default 1).
@@ -52,13 +52,13 @@ pub struct Options {
     /// Rays along each side of an edge pixel (key `samples`, 2..=16, default 4); the ball takes twice as many.
     pub samples: u32,
     /// What the camera looks at (key `view`, `desk` or `room`, default `desk`).
-    pub view: Subject,
+    pub view: SyntheticSubject,
 }
 
 /// Shortest exposure, seconds.
 pub const SHORTEST_S: f64 = 1e-5;
 
-impl Default for Options {
+impl Default for SyntheticOptions {
     fn default() -> Self {
         Self {
             frames: 90,
@@ -71,12 +71,12 @@ impl Default for Options {
             imu_offset_s: 0.004,
             texel_mm: 1.0,
             samples: 4,
-            view: Subject::Desk,
+            view: SyntheticSubject::Desk,
         }
     }
 }
 
-impl Options {
+impl SyntheticOptions {
     /// Reads the part of a device name after `synthetic:`.
     pub fn parse(text: &str) -> Result<Self, DeviceError> {
         let device = format!("synthetic:{text}");
@@ -96,8 +96,8 @@ impl Options {
             }
         };
         let view = match p.text("view") {
-            None | Some("desk") => Subject::Desk,
-            Some("room") => Subject::Room,
+            None | Some("desk") => SyntheticSubject::Desk,
+            Some("room") => SyntheticSubject::Room,
             Some(other) => return Err(p.refuse("view", other, "must be desk or room")),
         };
         Ok(Self {
@@ -145,8 +145,8 @@ mod tests {
 
     #[test]
     fn defaults_and_full_names() {
-        assert_eq!(Options::parse("").unwrap(), Options::default());
-        let o = Options::parse("frames=5,seed=7,size=320x240,exposures=1/100:0.02,noise=0").unwrap();
+        assert_eq!(SyntheticOptions::parse("").unwrap(), SyntheticOptions::default());
+        let o = SyntheticOptions::parse("frames=5,seed=7,size=320x240,exposures=1/100:0.02,noise=0").unwrap();
         assert_eq!((o.frames, o.seed, o.size, o.noise), (5, 7, (320, 240), 0.0));
         assert_eq!(o.exposures.iter().map(|e| e.time_s).collect::<Vec<_>>(), vec![0.01, 0.02]);
     }
@@ -163,7 +163,7 @@ mod tests {
             ("view=garden", "must be desk or room"),
             ("exposure=1/60", "did you mean \"exposures\""),
         ] {
-            let error = Options::parse(text).unwrap_err().to_string();
+            let error = SyntheticOptions::parse(text).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{
     film::{Quantiser, expose},
-    room::{BallView, Room},
+    room::{Room, SyntheticBallView},
 };
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{frame::Exposure, image::Rgb8Image};
@@ -75,6 +75,6 @@ impl Shot<'_> {
         let l = self.lens;
         let d = DVec3::new((pixel.x - l.cx) / l.fx, (pixel.y - l.cy) / l.fy, 1.0).normalize();
         let pose = &self.world_from_camera;
-        self.room.radiance(pose.translation, pose.rotate(d), BallView::Present)
+        self.room.radiance(pose.translation, pose.rotate(d), SyntheticBallView::Present)
     }
 }

@@ -3,9 +3,9 @@
 use super::{
     bake::{FaceLight, Fineness, bake},
     furnish,
-    options::Subject,
+    options::SyntheticSubject,
     paint::Paint,
-    shapes::{Meeting, Shape, passes},
+    shapes::{Meeting, SyntheticShape, passes},
 };
 use crate::model::rig::MirrorBall;
 use glam::{DVec2, DVec3};
@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 
 /// Whether the mirror ball is there. Without it the table is lit as if it had never been there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BallView {
+pub enum SyntheticBallView {
     /// The room as the camera sees it.
     Present,
     /// The room without the ball and without its shadow on the table.
@@ -35,7 +35,7 @@ pub enum Role {
 #[derive(Clone, Debug)]
 pub struct Solid {
     /// Its form.
-    pub shape: Shape,
+    pub shape: SyntheticShape,
     /// The paint of each face (the last one repeats).
     pub paints: Vec<Paint>,
     /// The lamp.
@@ -54,7 +54,7 @@ pub struct Solid {
 
 impl Solid {
     /// A solid of one form and some paints.
-    pub fn new(shape: Shape, paints: &[Paint]) -> Self {
+    pub fn new(shape: SyntheticShape, paints: &[Paint]) -> Self {
         let bounds = shape.bounds();
         Self {
             light: vec![FaceLight::default(); shape.faces()],
@@ -196,7 +196,7 @@ pub struct Hit {
 
 impl Room {
     /// The furnished room with all its light baked.
-    pub fn new(view: Subject, fineness: Fineness) -> Self {
+    pub fn new(view: SyntheticSubject, fineness: Fineness) -> Self {
         let plan = furnish::furnish(view);
         let position = |test: &dyn Fn(&Solid) -> bool| plan.solids.iter().position(test).unwrap_or(0);
         let mut room = Self {
@@ -229,7 +229,7 @@ impl Room {
     }
 
     /// The nearest meeting of a ray with the room.
-    pub fn trace(&self, origin: DVec3, direction: DVec3, ball: BallView) -> Option<Hit> {
+    pub fn trace(&self, origin: DVec3, direction: DVec3, ball: SyntheticBallView) -> Option<Hit> {
         let inverse = direction.recip();
         let walls = self.solids[0].shape.meet(origin, direction, 1e-6, f64::INFINITY);
         let mut best = walls.map(|meeting| Hit { solid: 0, meeting });
@@ -237,7 +237,7 @@ impl Room {
         for group in self.groups.iter().filter(|g| passes(&g.bounds, origin, inverse, f64::INFINITY)) {
             for index in group.members.clone() {
                 let solid = &self.solids[index];
-                if (index == self.ball && ball == BallView::Absent)
+                if (index == self.ball && ball == SyntheticBallView::Absent)
                     || !passes(&solid.bounds, origin, inverse, limit)
                 {
                     continue;
@@ -252,13 +252,13 @@ impl Room {
     }
 
     /// Whether anything but walls and lamp stands between the origin and `distance`.
-    pub fn occluded(&self, origin: DVec3, direction: DVec3, distance: f64, ball: BallView) -> bool {
+    pub fn occluded(&self, origin: DVec3, direction: DVec3, distance: f64, ball: SyntheticBallView) -> bool {
         let inverse = direction.recip();
         self.groups.iter().filter(|g| passes(&g.bounds, origin, inverse, distance)).any(|group| {
             group.members.clone().any(|index| {
                 let solid = &self.solids[index];
                 index != self.lamp_solid
-                    && !(index == self.ball && ball == BallView::Absent)
+                    && !(index == self.ball && ball == SyntheticBallView::Absent)
                     && passes(&solid.bounds, origin, inverse, distance)
                     && solid.shape.meet(origin, direction, 1e-6, distance).is_some()
             })
@@ -266,12 +266,12 @@ impl Room {
     }
 
     /// The solids that come nearer than `reach` to a segment, as a set of bits (a solid above the 63rd has none).
-    pub fn near_segment(&self, from: DVec3, to: DVec3, reach: f64, ball: BallView) -> Blockers {
+    pub fn near_segment(&self, from: DVec3, to: DVec3, reach: f64, ball: SyntheticBallView) -> RoomBlockers {
         let along = to - from;
         let length = along.length_squared();
         let mut set = 0u64;
         for (index, solid) in self.solids.iter().enumerate().skip(1) {
-            if index == self.lamp_solid || (index == self.ball && ball == BallView::Absent) {
+            if index == self.lamp_solid || (index == self.ball && ball == SyntheticBallView::Absent) {
                 continue;
             }
             let t = ((solid.middle - from).dot(along) / length).clamp(0.0, 1.0);
@@ -281,16 +281,16 @@ impl Room {
                 set |= 1 << index.min(63);
             }
         }
-        Blockers(set)
+        RoomBlockers(set)
     }
 
     /// Whether the ball comes nearer than `reach` to a segment.
     pub fn ball_near_segment(&self, from: DVec3, to: DVec3, reach: f64) -> bool {
-        self.near_segment(from, to, reach, BallView::Present).0 >> self.ball.min(63) & 1 == 1
+        self.near_segment(from, to, reach, SyntheticBallView::Present).0 >> self.ball.min(63) & 1 == 1
     }
 
     /// Whether one of these solids stands between the origin and `distance`.
-    pub fn blocked(&self, origin: DVec3, direction: DVec3, distance: f64, blockers: &Blockers) -> bool {
+    pub fn blocked(&self, origin: DVec3, direction: DVec3, distance: f64, blockers: &RoomBlockers) -> bool {
         let inverse = direction.recip();
         let mut set = blockers.0;
         while set != 0 {
@@ -306,7 +306,14 @@ impl Room {
     }
 
     /// Radiance that a surface sends out; lamps and the window count only where `with_lights`.
-    fn sent(&self, hit: &Hit, direction: DVec3, point: DVec3, ball: BallView, with_lights: bool) -> DVec3 {
+    fn sent(
+        &self,
+        hit: &Hit,
+        direction: DVec3,
+        point: DVec3,
+        ball: SyntheticBallView,
+        with_lights: bool,
+    ) -> DVec3 {
         let solid = &self.solids[hit.solid];
         if solid.shines {
             return if with_lights { self.lamp.radiance(-direction) } else { DVec3::ZERO };
@@ -315,7 +322,7 @@ impl Room {
         if hit.solid == 0 && face == 0 && self.window.holds(point) {
             return if with_lights { self.window.radiance(direction) } else { DVec3::ZERO };
         }
-        let light = if ball == BallView::Absent && (hit.solid, face) == self.table_top {
+        let light = if ball == SyntheticBallView::Absent && (hit.solid, face) == self.table_top {
             &self.bare_table
         } else {
             &solid.light[face]
@@ -324,7 +331,13 @@ impl Room {
         albedo * light.sample(hit.meeting.uv) / PI
     }
 
-    fn along(&self, origin: DVec3, direction: DVec3, ball: BallView, with_lights: bool) -> (DVec3, usize) {
+    fn along(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        ball: SyntheticBallView,
+        with_lights: bool,
+    ) -> (DVec3, usize) {
         let Some(hit) = self.trace(origin, direction, ball) else { return (DVec3::ZERO, usize::MAX) };
         let point = origin + direction * hit.meeting.t;
         if !self.solids[hit.solid].mirror {
@@ -340,12 +353,12 @@ impl Room {
     }
 
     /// Radiance that comes back along a ray, with one reflection on the ball, and which solid is seen.
-    pub fn radiance(&self, origin: DVec3, direction: DVec3, ball: BallView) -> (DVec3, usize) {
+    pub fn radiance(&self, origin: DVec3, direction: DVec3, ball: SyntheticBallView) -> (DVec3, usize) {
         self.along(origin, direction, ball, true)
     }
 
     /// The same without the lights themselves: what bounces.
-    pub fn bounced(&self, origin: DVec3, direction: DVec3, ball: BallView) -> DVec3 {
+    pub fn bounced(&self, origin: DVec3, direction: DVec3, ball: SyntheticBallView) -> DVec3 {
         self.along(origin, direction, ball, false).0
     }
 
@@ -369,9 +382,9 @@ impl Room {
 
 /// A set of solids.
 #[derive(Clone, Copy, Debug)]
-pub struct Blockers(u64);
+pub struct RoomBlockers(u64);
 
-impl Blockers {
+impl RoomBlockers {
     /// Whether there is none.
     pub fn is_empty(self) -> bool {
         self.0 == 0

@@ -3,8 +3,8 @@
 use super::{
     furnish::RoomPlan,
     paint::Paint,
-    room::{BallView, Room as Traced, Solid},
-    shapes::Shape,
+    room::{Room as Traced, Solid, SyntheticBallView},
+    shapes::SyntheticShape,
 };
 use crate::math::sphere::equirect_direction;
 use crate::model::{
@@ -32,21 +32,23 @@ pub fn room(plan: &RoomPlan) -> Room {
     let mut surfaces = Vec::new();
     for (index, solid) in plan.solids.iter().enumerate() {
         match &solid.shape {
-            Shape::Room { min, max } => {
+            SyntheticShape::Room { min, max } => {
                 let corner = corners((*min + *max) / 2.0, (*max - *min) / 2.0, DVec2::X);
                 for (face, side) in SIDES.iter().enumerate() {
                     let inwards = [side[3], side[2], side[1], side[0]].map(|i| corner[i]);
                     surfaces.push(quad(format!("wall {face}"), inwards, middle_albedo(solid, face)));
                 }
             }
-            Shape::Block { centre, half, turn } if !solid.on_table && 2.0 * half.max_element() >= LEAST_M => {
+            SyntheticShape::Block { centre, half, turn }
+                if !solid.on_table && 2.0 * half.max_element() >= LEAST_M =>
+            {
                 let corner = corners(*centre, *half, *turn);
                 for (face, side) in SIDES.iter().enumerate() {
                     let name = format!("piece {index} side {face}");
                     surfaces.push(quad(name, side.map(|i| corner[i]), middle_albedo(solid, face)));
                 }
             }
-            Shape::Sphere { centre, radius } if solid.shines => {
+            SyntheticShape::Sphere { centre, radius } if solid.shines => {
                 surfaces.push(globe("lamp", *centre, *radius));
             }
             _ => {}
@@ -134,7 +136,7 @@ pub fn probe(room: &Traced, position_world: DVec3, height: usize) -> Environment
                 let part = |k: usize| (k as f64 + 0.5) / PROBE_RAYS as f64;
                 let u = (column as f64 + part(k % PROBE_RAYS)) / width as f64;
                 let v = (row as f64 + part(k / PROBE_RAYS)) / height as f64;
-                sum += room.radiance(position_world, equirect_direction(u, v), BallView::Present).0;
+                sum += room.radiance(position_world, equirect_direction(u, v), SyntheticBallView::Present).0;
             }
             let mean: Vec3 = (sum / (PROBE_RAYS * PROBE_RAYS) as f64).as_vec3();
             *pixel = mean.to_array();
@@ -145,12 +147,12 @@ pub fn probe(room: &Traced, position_world: DVec3, height: usize) -> Environment
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Subject, furnish::furnish};
+    use super::super::{SyntheticSubject, furnish::furnish};
     use super::*;
 
     #[test]
     fn the_rough_room_is_sound_and_looks_inwards() {
-        let plan = furnish(Subject::Room);
+        let plan = furnish(SyntheticSubject::Room);
         let room = room(&plan);
         let middle = Vec3::new(-0.3, 0.1, 0.5);
         let normal = |s: &RoomSurface, f: &Face| {

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 /// A shape in the world frame, metres. Faces are numbered; each has coordinates u, v in [0, 1].
 #[derive(Clone, Debug)]
-pub enum Shape {
+pub enum SyntheticShape {
     /// The inside of a box: what a room is. Face = 2 axis + (1 at the larger coordinate).
     Room {
         /// Smallest corner.
@@ -70,7 +70,7 @@ pub struct Meeting {
 const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 const OTHERS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 
-impl Shape {
+impl SyntheticShape {
     /// A box by its smallest and largest corner.
     pub fn block(min: [f64; 3], max: [f64; 3]) -> Self {
         let (min, max) = (DVec3::from(min), DVec3::from(max));

@@ -1,6 +1,6 @@
 //! The exact light at the ball's centre.
 
-use super::room::{BallView, Room};
+use super::room::{Room, SyntheticBallView};
 use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis};
 use crate::model::light::RadianceSh;
@@ -75,7 +75,7 @@ pub fn radiance(room: &Room, origin: DVec3, d: DVec3) -> DVec3 {
             return table;
         }
     }
-    room.radiance(origin, d, BallView::Absent).0
+    room.radiance(origin, d, SyntheticBallView::Absent).0
 }
 
 /// The unit vector of the first moment of the gray light (Eq. 9 of [Now11]).

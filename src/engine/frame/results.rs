@@ -1,7 +1,7 @@
 //! The results of passes that are in the host's memory.
 
 use super::FrameState;
-use crate::Live;
+use crate::LiveMemory;
 use crate::model::image::{Image, RadianceImage};
 use crate::nearfield::frame::NearFrame;
 use crate::plan::{Pass, PassSet, Product};
@@ -41,7 +41,7 @@ impl FrameState {
     }
 
     /// Lists what passes have made.
-    pub fn live(&self, out: &mut Vec<Live>) {
+    pub fn live(&self, out: &mut Vec<LiveMemory>) {
         fn of<P: Clone>(image: &Image<P>) -> usize {
             size_of_val(image.pixels())
         }
@@ -59,7 +59,7 @@ impl FrameState {
             ("soft shadows", of(&self.results.soft)),
         ] {
             if bytes > 0 {
-                out.push(Live { name, bytes: bytes as u64 });
+                out.push(LiveMemory { name, bytes: bytes as u64 });
             }
         }
     }

@@ -3,12 +3,12 @@
 use super::{
     context::{Backend, GpuContext},
     passes::{merge_bracket::MergeBracket, project_sh::ProjectSh, unwrap_ball::UnwrapBall},
-    point_pages::Spread,
+    point_pages::MapSpread,
     recorder::{Gpu, Timer},
     relight::{Relighter, ready},
 };
 use crate::{
-    Bracket, Engine, EngineError, LightJob, Live, MeasuredLight, RelightInput, Timings,
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput, Timings,
     frame::{check_frame, check_light},
     hdr::merge_bracket,
     light::{
@@ -84,7 +84,7 @@ impl GpuEngine {
     }
 
     /// Draws the near lights of a known room all together, or each in passes of its own.
-    pub fn with_near_lights(mut self, spread: Spread) -> Self {
+    pub fn with_near_lights(mut self, spread: MapSpread) -> Self {
         self.relighter.spread = spread;
         self
     }
@@ -247,7 +247,7 @@ impl Engine for GpuEngine {
         Ok(())
     }
 
-    fn live(&self, out: &mut Vec<Live>) {
+    fn live(&self, out: &mut Vec<LiveMemory>) {
         self.gpu.context.live.list(out);
     }
 

@@ -8,7 +8,7 @@ use super::{
     context::GpuContext,
     kernel::Resource,
     point_pages::PointPages,
-    recorder::Recorder,
+    recorder::GpuRecorder,
     textures::{KeptLayers, KeptTexture},
 };
 use crate::{
@@ -116,7 +116,7 @@ impl Exchange {
     pub fn bring_to_host(
         &mut self,
         product: Product,
-        recorder: &mut Recorder<'_>,
+        recorder: &mut GpuRecorder<'_>,
         job: &FrameJob<'_>,
         state: &mut FrameState,
         out: &mut Picture,
@@ -280,7 +280,7 @@ impl Exchange {
     /// Records a copy of the composed picture to where [`read_radiance`] reads it.
     pub fn copy_radiance(
         &mut self,
-        recorder: &mut Recorder<'_>,
+        recorder: &mut GpuRecorder<'_>,
         readback: &mut Readback,
         (width, height): (usize, usize),
     ) {

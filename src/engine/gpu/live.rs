@@ -2,7 +2,7 @@
 //! freed before its first pass; whoever owns it finds that out and makes it anew when it is called for again.
 
 use crate::{
-    Live,
+    LiveMemory,
     plan::{Pass, PassSet},
 };
 use std::sync::{
@@ -121,11 +121,11 @@ impl LiveList {
     }
 
     /// Lists what lives, by name.
-    pub fn list(&self, out: &mut Vec<Live>) {
+    pub fn list(&self, out: &mut Vec<LiveMemory>) {
         out.clear();
         let entries = self.entries();
         let live = entries.iter().filter(|entry| entry.is_live.load(Ordering::Relaxed));
-        out.extend(live.map(|entry| Live { name: entry.name, bytes: entry.bytes }));
+        out.extend(live.map(|entry| LiveMemory { name: entry.name, bytes: entry.bytes }));
         out.sort_unstable();
     }
 

@@ -24,4 +24,4 @@ mod engine;
 pub use context::Backend;
 pub use engine::GpuEngine;
 pub use passes::TABLE;
-pub use point_pages::Spread;
+pub use point_pages::MapSpread;

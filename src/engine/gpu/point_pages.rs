@@ -17,7 +17,7 @@ const LARGEST_SIDE: u32 = 4096;
 
 /// How lights are spread over passes: over those that draw their maps and over those that subtract them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Spread {
+pub enum MapSpread {
     /// As few pages of maps as the device takes: one, but for very many or very fine ones; and one pass that loops over all
     /// lights.
     #[default]
@@ -33,7 +33,7 @@ pub struct PointPages {
     lights: GrowingBuffer,
     camera_terms: Box<params::PointCameras>,
     light_terms: Box<params::PointLights>,
-    spread: Spread,
+    spread: MapSpread,
     tiles: u32,
     texels: u32,
 }
@@ -47,7 +47,7 @@ impl PointPages {
             lights: GrowingBuffer::uniform("near lights"),
             camera_terms: bytemuck::zeroed_box(),
             light_terms: bytemuck::zeroed_box(),
-            spread: Spread::Together,
+            spread: MapSpread::Together,
             tiles: 1,
             texels: 1,
         }
@@ -70,12 +70,12 @@ impl PointPages {
     }
 
     /// Makes room for a map for each camera; what the pages held is lost where they have to grow.
-    pub fn lay(&mut self, context: &GpuContext, cameras: &[Option<PointCamera>], spread: Spread) {
+    pub fn lay(&mut self, context: &GpuContext, cameras: &[Option<PointCamera>], spread: MapSpread) {
         let Some(texels) = cameras.iter().flatten().map(|c| c.texels * c.side).next() else { return };
         let most = (context.device.limits().max_texture_dimension_2d.min(LARGEST_SIDE) / texels).max(1);
         let needed = match spread {
-            Spread::Together => (cameras.len() as f64).sqrt().ceil() as u32,
-            Spread::Each => 1,
+            MapSpread::Together => (cameras.len() as f64).sqrt().ceil() as u32,
+            MapSpread::Each => 1,
         };
         // Fewer lights than in the last frame leave tiles empty.
         let kept = if (self.texels, self.spread) == (texels, spread) { self.tiles } else { 1 };

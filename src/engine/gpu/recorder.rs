@@ -130,7 +130,7 @@ pub struct SentWork {
 }
 
 /// One batch of work for the device.
-pub struct Recorder<'a> {
+pub struct GpuRecorder<'a> {
     /// Where it runs.
     pub context: &'a GpuContext,
     timer: &'a mut Timer,
@@ -147,7 +147,7 @@ pub struct Targets<'a> {
     pub depth: Option<(&'a wgpu::TextureView, f32)>,
 }
 
-impl<'a> Recorder<'a> {
+impl<'a> GpuRecorder<'a> {
     /// Starts a batch.
     pub fn new(context: &'a GpuContext, timer: &'a mut Timer) -> Self {
         let booked = timer.done.len();

@@ -6,8 +6,8 @@ use super::{
     device_scene::DeviceScene,
     exchange::{Exchange, Holder},
     passes::{self, DeviceFrame, DevicePass},
-    point_pages::Spread,
-    recorder::{Gpu, Recorder, SentWork},
+    point_pages::MapSpread,
+    recorder::{Gpu, GpuRecorder, SentWork},
 };
 use crate::{
     EngineError, RelightInput, door,
@@ -37,7 +37,7 @@ pub struct Relighter {
     exchange: Exchange,
     kernels: Kernels,
     /// How near lights' maps are spread over passes.
-    pub spread: Spread,
+    pub spread: MapSpread,
     /// Whether linear radiance is read back.
     pub wants_linear: bool,
     /// One for each frame that the device may work on.
@@ -88,7 +88,7 @@ impl Staging {
     /// Records the copies of what is read back, and sends all that was recorded. Is staging `number`.
     fn send(
         &mut self,
-        mut recorder: Recorder<'_>,
+        mut recorder: GpuRecorder<'_>,
         job: &FrameJob<'_>,
         exchange: &mut Exchange,
         (number, wants_linear): (usize, bool),
@@ -131,7 +131,7 @@ impl Relighter {
             scene: DeviceScene::new(),
             exchange: Exchange::new(),
             kernels: Kernels { on_device: [const { None }; Pass::ALL.len()], twins: door::twins() },
-            spread: Spread::default(),
+            spread: MapSpread::default(),
             wants_linear: false,
             staging: [const { Staging::new() }; 2],
             waiting: None,
@@ -270,7 +270,7 @@ impl Relighter {
         context.live.free_all_but(job.uses);
         exchange.begin(kept);
         out.t = input.t;
-        let recorder = Recorder::new(context, &mut gpu.timer);
+        let recorder = GpuRecorder::new(context, &mut gpu.timer);
         let mut frame = DeviceFrame { recorder, job: &job, state, scene, spread: self.spread };
         if runs.has(Pass::ShadeObject) && !on_host.has(Pass::ShadeObject) {
             light_objects(&mut frame, exchange);

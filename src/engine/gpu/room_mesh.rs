@@ -4,7 +4,7 @@
 use super::{
     context::GpuContext,
     params::RoomVertex,
-    scene::{Cut, Mesh, cut_long_edges, mean},
+    scene::{Cut, DeviceMesh, cut_long_edges, mean},
 };
 use crate::compose::{
     geometry::SurfaceGeometry,
@@ -29,7 +29,7 @@ impl Halve for RoomVertex {
 
 /// Real surfaces of which the last ones are the room's.
 pub struct RoomMesh {
-    mesh: Mesh,
+    mesh: DeviceMesh,
     /// Whether they are there, and for what they were cut.
     uploaded: Option<Option<Cut>>,
     halving: Halving,
@@ -40,7 +40,7 @@ pub struct RoomMesh {
 impl RoomMesh {
     /// None yet.
     pub fn new() -> Self {
-        Self { mesh: Mesh::new(), uploaded: None, halving: Halving::default(), triangles: Vec::new() }
+        Self { mesh: DeviceMesh::new(), uploaded: None, halving: Halving::default(), triangles: Vec::new() }
     }
 
     /// The next `update` uploads anew.

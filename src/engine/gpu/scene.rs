@@ -30,13 +30,13 @@ const SHORTEST_CUT_M: f32 = 1e-3;
 const MOST_TRIANGLES: usize = 400_000;
 
 /// Indexed triangles on the device.
-pub struct Mesh {
+pub struct DeviceMesh {
     vertices: GrowingBuffer,
     indices: GrowingBuffer,
     count: u32,
 }
 
-impl Mesh {
+impl DeviceMesh {
     /// None yet.
     pub const fn new() -> Self {
         let usage = wgpu::BufferUsages::VERTEX;
@@ -117,11 +117,11 @@ impl Cut {
 /// Objects and surfaces on the device.
 pub struct SceneBuffers {
     /// All objects as they are: what casts shadows.
-    casters: Mesh,
+    casters: DeviceMesh,
     /// Objects in view, cut; unused through a pinhole.
-    objects: Mesh,
+    objects: DeviceMesh,
     /// Surfaces, cut where need be.
-    surfaces: Mesh,
+    surfaces: DeviceMesh,
     /// For each object its indices and its material.
     draws: Vec<(Range<u32>, u32)>,
     materials: GrowingBuffer,
@@ -135,7 +135,7 @@ pub struct SceneBuffers {
     vertices: Vec<ObjectVertex>,
     halving: Halving,
     /// Surfaces as a grid for soft shadows at its vertices.
-    grid: Mesh,
+    grid: DeviceMesh,
     extents: Extents,
 }
 
@@ -143,9 +143,9 @@ impl SceneBuffers {
     /// Nothing yet.
     pub fn new() -> Self {
         Self {
-            casters: Mesh::new(),
-            objects: Mesh::new(),
-            surfaces: Mesh::new(),
+            casters: DeviceMesh::new(),
+            objects: DeviceMesh::new(),
+            surfaces: DeviceMesh::new(),
             draws: Vec::new(),
             materials: GrowingBuffer::uniform("materials"),
             shine: Vec::new(),
@@ -153,7 +153,7 @@ impl SceneBuffers {
             moved: Vec::new(),
             vertices: Vec::new(),
             halving: Halving::default(),
-            grid: Mesh::new(),
+            grid: DeviceMesh::new(),
             extents: Extents::default(),
         }
     }

@@ -1,6 +1,6 @@
 //! `halflight hdr`: exposures of one view into one linear picture.
 
-use super::output::{PictureFormat, write_file};
+use super::output::{OutputFormat, write_file};
 use super::{CliError, GlobalOptions};
 use crate::{
     assets::pictures,
@@ -73,8 +73,8 @@ pub struct HdrArguments {
 /// # Errors
 /// A mistake in the arguments; a picture or response that cannot be read; a file that cannot be written.
 pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let allowed = [PictureFormat::Exr, PictureFormat::Hdr, PictureFormat::Png];
-    let format = arguments.out.as_deref().map(|out| PictureFormat::of(out, &allowed)).transpose()?;
+    let allowed = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
+    let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     let (files, times_s) = pair_up(&arguments)?;
     let pictures = files.iter().map(|file| pictures::load_rgb8(file)).collect::<Result<Vec<_>, _>>()?;
     check_sizes(&files, &pictures)?;
@@ -103,9 +103,9 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
     let merged = bracket.merge(&chosen.response, engine.as_mut())?;
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match format {
-            PictureFormat::Exr => save_exr_f32(out, &merged.radiance),
-            PictureFormat::Hdr => pictures::save_hdr(out, &merged.radiance),
-            PictureFormat::Png => pictures::save_png(out, &display(&merged.radiance)),
+            OutputFormat::Exr => save_exr_f32(out, &merged.radiance),
+            OutputFormat::Hdr => pictures::save_hdr(out, &merged.radiance),
+            OutputFormat::Png => pictures::save_png(out, &display(&merged.radiance)),
         }?;
     }
     if let Some(file) = &arguments.save_response {

@@ -49,7 +49,7 @@ pub fn write_file(file: &Path, contents: impl AsRef<[u8]>) -> Result<(), CliErro
 
 /// What the ending of a picture's name asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PictureFormat {
+pub enum OutputFormat {
     /// OpenEXR, 32-bit float.
     Exr,
     /// Radiance.
@@ -58,7 +58,7 @@ pub enum PictureFormat {
     Png,
 }
 
-impl PictureFormat {
+impl OutputFormat {
     /// By the name's ending, if it is one of those allowed.
     ///
     /// # Errors
@@ -93,11 +93,11 @@ mod tests {
 
     #[test]
     fn endings_name_formats() {
-        let all = [PictureFormat::Exr, PictureFormat::Hdr, PictureFormat::Png];
-        assert_eq!(PictureFormat::of(Path::new("a.EXR"), &all).unwrap(), PictureFormat::Exr);
-        assert_eq!(PictureFormat::of(Path::new("a.pic"), &all).unwrap(), PictureFormat::Hdr);
-        let refused = PictureFormat::of(Path::new("a.jpg"), &all).unwrap_err().to_string();
+        let all = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
+        assert_eq!(OutputFormat::of(Path::new("a.EXR"), &all).unwrap(), OutputFormat::Exr);
+        assert_eq!(OutputFormat::of(Path::new("a.pic"), &all).unwrap(), OutputFormat::Hdr);
+        let refused = OutputFormat::of(Path::new("a.jpg"), &all).unwrap_err().to_string();
         assert_eq!(refused, "--out = a.jpg: must end in .exr, .hdr or .png");
-        assert!(PictureFormat::of(Path::new("a.hdr"), &[PictureFormat::Exr, PictureFormat::Png]).is_err());
+        assert!(OutputFormat::of(Path::new("a.hdr"), &[OutputFormat::Exr, OutputFormat::Png]).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! `halflight render`: one still of a scene file or of a reference case.
 
-use super::output::PictureFormat;
+use super::output::OutputFormat;
 use super::progress::host;
 use super::{CliError, GlobalOptions, quality_flags::QualityFlags};
 use crate::assets::{pictures, scene};
@@ -67,8 +67,8 @@ pub fn run(arguments: RenderArguments, global: &GlobalOptions) -> Result<(), Cli
     if let Some(seconds) = arguments.exposure_s.filter(|s| !(s.is_finite() && *s > 0.0)) {
         return Err(CliError(format!("--exposure-s = {seconds}: must be above 0 s")));
     }
-    let allowed = [PictureFormat::Exr, PictureFormat::Png];
-    let format = arguments.out.as_deref().map(|out| PictureFormat::of(out, &allowed)).transpose()?;
+    let allowed = [OutputFormat::Exr, OutputFormat::Png];
+    let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     let view = view_named(&arguments.view)?;
     let mut settings = Settings::default();
     arguments.quality.apply(&mut settings)?;
@@ -80,8 +80,8 @@ pub fn run(arguments: RenderArguments, global: &GlobalOptions) -> Result<(), Cli
     let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match format {
-            PictureFormat::Exr => crate::lab::open_exr::save_exr_f32(out, &drawn.radiance),
-            PictureFormat::Hdr | PictureFormat::Png => pictures::save_png(out, &drawn.display),
+            OutputFormat::Exr => crate::lab::open_exr::save_exr_f32(out, &drawn.radiance),
+            OutputFormat::Hdr | OutputFormat::Png => pictures::save_png(out, &drawn.display),
         }?;
     }
     let comparison = match (&case, arguments.compare) {

@@ -82,7 +82,7 @@ pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliE
         "frames={},size={},exposures={exposures},fps={},seed={},noise={},motion={},view={}",
         a.frames, a.size, a.fps, a.seed, a.noise, a.motion, a.view
     );
-    let options = options::Options::parse(&name).map_err(|e| CliError::on("synth", e))?;
+    let options = options::SyntheticOptions::parse(&name).map_err(|e| CliError::on("synth", e))?;
     let coding = a.coding.chosen()?;
     if let Some(threads) = global.threads {
         // Only the first choice in a process counts; the pixels are the same for any number.

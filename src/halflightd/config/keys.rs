@@ -97,6 +97,30 @@ pub const KEYS: &[Key] = &[
         |s, v| s.frames = integer(v) as u64
     ),
     key!(
+        "device.display",
+        "",
+        Range::Text,
+        "Where pictures are shown: empty = nowhere, \"null:hz=60\" = a screen that nobody sees.",
+        |s| word(&s.display),
+        |s, v| s.display = text(v)
+    ),
+    key!(
+        "device.see_through",
+        "",
+        Range::Switch,
+        "The display is looked through, as glasses are: objects are posed for the moment at which they are seen, not for the camera's.",
+        |s| Value::Boolean(s.is_see_through),
+        |s, v| s.is_see_through = v.as_bool().unwrap_or(false)
+    ),
+    key!(
+        "device.link",
+        "",
+        Range::Text,
+        "Where commands come from: empty = nowhere, \"stdio\" = lines on standard input, replies on standard output (try \"help\").",
+        |s| word(&s.link),
+        |s, v| s.link = text(v)
+    ),
+    key!(
         "camera.exposures_s",
         "s",
         Range::Reals(0.000_02, 1.0),

@@ -11,6 +11,12 @@ pub struct Settings {
     pub mode: RunMode,
     /// `device.frames`; 0 = until the source ends.
     pub frames: u64,
+    /// `device.display`; empty = none.
+    pub display: String,
+    /// `device.see_through`
+    pub is_see_through: bool,
+    /// `device.link`; empty = none.
+    pub link: String,
     /// `camera.exposures_s`
     pub exposures_s: Vec<f64>,
     /// `camera.gain`
@@ -107,6 +113,9 @@ impl Default for Settings {
             camera: "synthetic:".into(),
             mode: RunMode::Realtime,
             frames: 0,
+            display: String::new(),
+            is_see_through: false,
+            link: String::new(),
             exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,
             response: "device".into(),

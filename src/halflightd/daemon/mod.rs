@@ -2,6 +2,7 @@
 
 pub mod blocker_spheres;
 pub mod cache_folder;
+pub mod commands;
 pub mod dress;
 pub mod engines;
 mod governing;

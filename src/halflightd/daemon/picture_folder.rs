@@ -1,9 +1,11 @@
-//! A display that is a folder: every shown picture as PNG.
+//! Where the daemon's pictures go: a display, and a folder that takes every shown picture as PNG.
 
 use crate::assets::pictures;
 use crate::model::picture::Picture;
 use crate::pipeline::{
     PipelineError,
+    schedule::Rhythm,
+    screen::Screen,
     turns::{FinishedFrame, FrameSink},
 };
 use std::path::PathBuf;
@@ -52,5 +54,36 @@ impl FrameSink for PictureFolder {
     fn hold(&mut self, says: &str, _picture: &Picture) -> Result<bool, PipelineError> {
         tracing::debug!(says, "the last picture is shown on");
         Ok(true)
+    }
+}
+
+/// A folder and a display, each where there is one.
+pub struct DaemonSink {
+    /// Takes pictures as files.
+    pub folder: PictureFolder,
+    /// Shows them.
+    pub screen: Option<Screen>,
+    /// The display is looked through: objects are posed for the moment at which they are seen.
+    pub is_see_through: bool,
+}
+
+impl FrameSink for DaemonSink {
+    /// The display first: somebody waits for it.
+    fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
+        if let Some(screen) = &self.screen {
+            screen.offer(&finished.picture.display);
+        }
+        self.folder.accept(finished)
+    }
+
+    fn hold(&mut self, says: &str, picture: &Picture) -> Result<bool, PipelineError> {
+        if let Some(screen) = &self.screen {
+            screen.offer(&picture.display);
+        }
+        self.folder.hold(says, picture)
+    }
+
+    fn rhythm(&self) -> Option<Rhythm> {
+        self.screen.as_ref().filter(|_| self.is_see_through)?.rhythm()
     }
 }

@@ -43,7 +43,15 @@ struct OpenedScene {
 
 /// Opens the devices and the engine and loads the scene.
 pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, PipelineError> {
-    let camera = open_camera(settings)?;
+    prepare_with(open_camera(settings)?, settings, host)
+}
+
+/// As [`prepare`], with a camera that is open already.
+pub fn prepare_with(
+    camera: OpenedCamera,
+    settings: &Settings,
+    host: &Host<'_>,
+) -> Result<Prepared, PipelineError> {
     let response = response_of(settings, camera.frames.as_ref())?;
     let OpenedScene { scene, rig, room } = open_scene(settings, camera.frames.rig(), host)?;
     let engine = open_engine(settings, &scene, room.as_ref())?;
@@ -61,7 +69,7 @@ pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, Pipelin
 
 /// Opens the camera of the settings and asks for their exposures.
 pub fn open_camera(settings: &Settings) -> Result<OpenedCamera, DeviceError> {
-    let open::Opened { mut frames, imu } = open::open(&settings.camera)?;
+    let open::OpenedDevices { mut frames, imu } = open::open(&settings.camera)?;
     let wanted: Vec<Exposure> =
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = frames.set_exposures(&wanted)?;

@@ -1,10 +1,11 @@
 //! Runs the pipeline as the settings say.
 
 use super::{
+    commands::Commands,
     host::Host,
-    picture_folder::PictureFolder,
-    prepare::{OpenedCamera, Prepared, open_camera, prepare},
-    settings_thread::{LiveSettings, SettingsThread},
+    picture_folder::{DaemonSink, PictureFolder},
+    prepare::{OpenedCamera, Prepared, open_camera, prepare_with},
+    settings_thread::{LiveSettings, SettingsThread, Wishes},
     stop_signals::StopSignals,
     watchdog::{DEFAULT_PERIOD_S, Watchdog},
 };
@@ -12,18 +13,25 @@ use crate::config::settings::{RunMode, Settings};
 use crate::device::{
     Clock, DeviceError, ErrorKind, FrameSource, ImuSource,
     clock::{ManualClock, MonotonicClock},
+    open,
     pace::{Pace, PacedFrames, PacedImu},
-    supervise::Budget,
+    supervise::{Backoff, Budget, Stopped, Supervision, Supervisor, stop_all},
 };
 use crate::pipeline::{
     Pipeline, PipelineError,
     inbox::Inbox,
     live::Live,
     lockstep::Lockstep,
+    screen::Screen,
     turns::{self, FrameSink, RunCounts},
 };
 use crate::plan::FramePlan;
-use std::{path::PathBuf, sync::Arc};
+use std::sync::Arc;
+
+pub use super::settings_thread::FollowedFile;
+
+/// While a camera is waited for, somebody looks around so often, seconds.
+const LOOK_EVERY_S: f64 = 0.25;
 
 /// What a run left.
 #[derive(Clone, Debug)]
@@ -67,10 +75,9 @@ fn run_live(
     sink: &mut dyn FrameSink,
 ) -> Result<RunCounts, PipelineError> {
     let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::default());
-    let period_s = Watchdog::period_s().unwrap_or(DEFAULT_PERIOD_S);
-    let budget = Budget::of_watchdog(period_s).map_err(|e| PipelineError::Setup(e.to_string()))?;
     let pace = Pace::new(Arc::clone(&clock));
-    let mut live = Live::new(inbox, clock, budget);
+    pipeline.go_live();
+    let mut live = Live::new(inbox, clock, budget()?);
     let early = settings.search_ahead.then(|| pipeline.early_search());
     live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()), early)?;
     if let Some(imu) = imu {
@@ -125,33 +132,153 @@ fn imu_opener(
     }
 }
 
-/// A settings file that is followed while the daemon runs.
-pub struct FollowedFile {
-    /// Where it is.
-    pub path: PathBuf,
-    /// Its content when the settings were read.
-    pub content: String,
-    /// All settings as a content of the file, and whatever wins over it, say; or every mistake.
-    pub read: Box<dyn Fn(&str) -> Result<Settings, String> + Send>,
-}
-
-/// The whole daemon: settings in, run to the end, or until the process is asked to stop.
+/// The whole daemon: settings in, run to the end, or until the process is asked to stop. A camera that is not there yet is
+/// waited for.
 pub fn run_daemon(settings: &Settings, file: Option<FollowedFile>) -> Result<RunCounts, PipelineError> {
     let setup = |what: &str, e: std::io::Error| PipelineError::Setup(format!("{what}: {e}"));
-    let mut prepared = prepare(settings, &Host::default())?;
-    prepared.pipeline = prepared.pipeline.for_pictures_alone();
-    let mut sink = PictureFolder::new(&settings.pictures_folder)?;
+    let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::default());
+    let folder = PictureFolder::new(&settings.pictures_folder)?;
     let inbox = Arc::<Inbox>::default();
     let _signals = StopSignals::follow(Arc::clone(&inbox)).map_err(|e| setup("signals", e))?;
-    let live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
-    let _follows = file
-        .map(|FollowedFile { path, content, read }| {
-            let clock = Arc::new(MonotonicClock::default());
-            SettingsThread::start(&path, &content, read, live, Arc::clone(&inbox), clock)
-        })
-        .transpose()
-        .map_err(|e| setup("the thread that follows the settings", e))?;
-    tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
     let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| setup("the watchdog", e))?;
-    run_from(inbox, prepared, settings, &mut sink).map(|ran| ran.counts)
+    let camera = wait_for_camera(&inbox, clock.as_ref(), || open_camera(settings))?;
+    let Some(camera) = camera else { return Ok(RunCounts::default()) };
+    let mut prepared = prepare_with(camera, settings, &Host::default())?;
+    prepared.pipeline = prepared.pipeline.for_pictures_alone();
+    let live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
+    let wishes = Arc::new(Wishes::new(settings));
+    let _follows =
+        SettingsThread::start(file, Arc::clone(&wishes), live, Arc::clone(&inbox), Arc::clone(&clock))
+            .map_err(|e| setup("the thread that follows the settings", e))?;
+    let (screen, attached) = attach(settings, &inbox, &clock, wishes)?;
+    let mut sink = DaemonSink { folder, screen, is_see_through: settings.is_see_through };
+    tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
+    let ran = run_from(inbox, prepared, settings, &mut sink);
+    for stopped in stop_all(attached) {
+        if stopped == Stopped::Abandoned {
+            tracing::warn!("a display or a link does not answer and is left as it is");
+        }
+    }
+    ran.map(|ran| ran.counts)
+}
+
+/// Starts the threads of the display and of the command link, where the settings name them.
+fn attach(
+    settings: &Settings,
+    inbox: &Arc<Inbox>,
+    clock: &Arc<dyn Clock>,
+    wishes: Arc<Wishes>,
+) -> Result<(Option<Screen>, Vec<Supervisor>), PipelineError> {
+    let supervision = |name: &str| -> Result<Supervision, PipelineError> {
+        Ok(Supervision {
+            name: name.to_owned(),
+            clock: Arc::clone(clock),
+            budget: budget()?,
+            silence_s: None,
+        })
+    };
+    let mut attached = Vec::new();
+    let screen = match settings.display.clone() {
+        name if name.is_empty() => None,
+        name => {
+            // A name that is not known is said at once.
+            let mut first = Some(open::open_display(&name, Arc::clone(clock))?);
+            let (how, clock) = (supervision(&name)?, Arc::clone(clock));
+            let opener = move |_| match first.take() {
+                Some(display) => Ok(display),
+                None => open::open_display(&name, Arc::clone(&clock)),
+            };
+            let (screen, supervisor) = Screen::start(how, Arc::clone(inbox), opener)?;
+            attached.push(supervisor);
+            Some(screen)
+        }
+    };
+    if !settings.link.is_empty() {
+        let name = settings.link.clone();
+        let (how, clock) = (supervision(&name)?, Arc::clone(clock));
+        let commands = Commands::new(Arc::clone(inbox), wishes);
+        attached.push(commands.serve(how, move |_| open::open_link(&name, Arc::clone(&clock)))?);
+    }
+    Ok((screen, attached))
+}
+
+/// What one watchdog lets everything wait for.
+fn budget() -> Result<Budget, PipelineError> {
+    let period_s = Watchdog::period_s().unwrap_or(DEFAULT_PERIOD_S);
+    Budget::of_watchdog(period_s).map_err(|e| PipelineError::Setup(e.to_string()))
+}
+
+/// Opens the camera again and again until it is there, with the waits of a lost device. `None`: the daemon was asked to stop
+/// meanwhile.
+///
+/// # Errors
+/// A camera that is refused for good.
+fn wait_for_camera(
+    inbox: &Inbox,
+    clock: &dyn Clock,
+    mut open: impl FnMut() -> Result<OpenedCamera, DeviceError>,
+) -> Result<Option<OpenedCamera>, PipelineError> {
+    let (mut backoff, began) = (Backoff::default(), clock.now());
+    let mut is_said = false;
+    loop {
+        match open() {
+            Ok(camera) => {
+                if is_said {
+                    let waited_s = clock.now().seconds_since(began);
+                    tracing::info!("the camera is there after {waited_s:.1} s");
+                }
+                return Ok(Some(camera));
+            }
+            Err(error) if matches!(error.kind, ErrorKind::Reopen | ErrorKind::Again) => {
+                if !std::mem::replace(&mut is_said, true) {
+                    tracing::warn!("no camera yet, it is waited for: {error}");
+                }
+            }
+            Err(error) => return Err(error.into()),
+        }
+        let deadline = clock.now().plus_seconds(backoff.advance());
+        // Commands and settings wait in their lanes until there is a pipeline that takes them.
+        while clock.now() < deadline {
+            if inbox.stop_by(deadline.min(clock.now().plus_seconds(LOOK_EVERY_S)), clock) {
+                return Ok(None);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::clock::ManualClock;
+    use crate::pipeline::event::Command;
+
+    fn missing() -> DeviceError {
+        DeviceError::new("camera", "open: there is none", ErrorKind::Reopen)
+    }
+
+    fn synthetic() -> Result<OpenedCamera, DeviceError> {
+        open_camera(&Settings { camera: "synthetic:frames=1".into(), ..Settings::default() })
+    }
+
+    #[test]
+    fn a_camera_that_is_not_there_at_the_start_is_waited_for() {
+        let (inbox, clock) = (Inbox::default(), ManualClock::default());
+        let mut opened_at = Vec::new();
+        let camera = wait_for_camera(&inbox, &clock, || {
+            opened_at.push(clock.now().0 / 1_000_000);
+            if opened_at.len() < 8 { Err(missing()) } else { synthetic() }
+        });
+        assert!(camera.unwrap().is_some());
+        assert_eq!(opened_at, [0, 100, 300, 700, 1500, 3100, 5100, 7100]);
+        assert!(inbox.turns() > 7, "the watchdog sees that somebody waits");
+    }
+
+    #[test]
+    fn a_stop_ends_the_wait_and_a_refusal_ends_the_daemon() {
+        let (inbox, clock) = (Inbox::default(), ManualClock::default());
+        inbox.put_command(Command::Stop).unwrap();
+        assert!(wait_for_camera(&inbox, &clock, || Err(missing())).unwrap().is_none());
+        let refused = || Err(DeviceError::new("camera", "open", ErrorKind::Refused));
+        assert!(wait_for_camera(&inbox, &clock, refused).is_err());
+    }
 }

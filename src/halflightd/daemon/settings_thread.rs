@@ -6,8 +6,8 @@ use crate::config::{live::take_over, settings::Settings};
 use crate::device::{Clock, Signal};
 use crate::model::{frame::Exposure, scene::Scene};
 use crate::pipeline::{Change, GovernorChange, inbox::Inbox};
-use std::path::Path;
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// The file is looked at so often, seconds.
@@ -64,10 +64,63 @@ impl LiveSettings {
     }
 }
 
+/// Settings that others ask for while the daemon runs: a command link, say. Each wish holds all those before it.
+pub struct Wishes(Mutex<Wished>);
+
+struct Wished {
+    /// As they are, or will be as soon as the thread comes round.
+    settings: Settings,
+    is_new: bool,
+}
+
+impl Wishes {
+    /// What the program was started with.
+    pub fn new(settings: &Settings) -> Self {
+        Self(Mutex::new(Wished { settings: settings.clone(), is_new: false }))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Wished> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The settings, with all wishes.
+    pub fn settings(&self) -> Settings {
+        self.lock().settings.clone()
+    }
+
+    /// Asks for other settings: their live keys are taken over. The settings file wins when it changes later.
+    pub fn wish(&self, settings: Settings) {
+        *self.lock() = Wished { settings, is_new: true };
+    }
+
+    fn take(&self) -> Option<Settings> {
+        let mut wished = self.lock();
+        std::mem::take(&mut wished.is_new).then(|| wished.settings.clone())
+    }
+
+    /// What became of them, unless there is a newer wish.
+    fn follow(&self, current: &Settings) {
+        let mut wished = self.lock();
+        if !wished.is_new {
+            wished.settings.clone_from(current);
+        }
+    }
+}
+
+/// A settings file that is followed while the daemon runs.
+pub struct FollowedFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its content when the settings were read.
+    pub content: String,
+    /// All settings as a content of the file, and whatever wins over it, say; or every mistake.
+    pub read: Box<dyn Fn(&str) -> Result<Settings, String> + Send>,
+}
+
 /// Whoever drops the thread's handle waits for it so long, seconds: bodies that are being dressed then are left to it.
 const LONGEST_STOP_S: f64 = 0.5;
 
-/// The thread that follows a settings file.
+/// The thread that follows the settings file and grants wishes.
 pub struct SettingsThread {
     clock: Arc<dyn Clock>,
     stop: Signal,
@@ -76,32 +129,31 @@ pub struct SettingsThread {
 }
 
 impl SettingsThread {
-    /// Follows `path`, whose content was `known` when the settings were read. `read` gives all settings as a content of
-    /// that file, and whatever wins over it, say. A content with a mistake changes nothing: the mistake is logged once.
+    /// Follows the file, where there is one. A content with a mistake changes nothing: the mistake is logged once.
     ///
     /// # Errors
     /// The system does not give a thread.
     pub fn start(
-        path: &Path,
-        known: &str,
-        read: impl Fn(&str) -> Result<Settings, String> + Send + 'static,
+        file: Option<FollowedFile>,
+        wishes: Arc<Wishes>,
         mut live: LiveSettings,
         inbox: Arc<Inbox>,
         clock: Arc<dyn Clock>,
     ) -> std::io::Result<Self> {
-        let mut watcher = Watcher::new(path, known);
+        let mut file = file.map(|file| (Watcher::new(&file.path, &file.content), file.read));
         let (stop, done) = (Signal::default(), Signal::default());
         let (is_stopped, is_done, theirs) = (stop.clone(), done.clone(), Arc::clone(&clock));
         let follow = move || {
             while !theirs.wait_or(theirs.now().plus_seconds(LOOK_EVERY_S), &is_stopped) {
-                let Some(content) = watcher.look(theirs.now()) else { continue };
-                match read(content) {
-                    Err(mistakes) => tracing::warn!("settings stay as they are: {mistakes}"),
-                    Ok(typed) => {
-                        if let Some(change) = live.change_to(&typed) {
-                            inbox.put_change(change);
-                        }
+                let content = file.as_mut().and_then(|(watcher, read)| {
+                    let content = watcher.look(theirs.now())?;
+                    read(content).inspect_err(|e| tracing::warn!("settings stay as they are: {e}")).ok()
+                });
+                for typed in content.into_iter().chain(wishes.take()) {
+                    if let Some(change) = live.change_to(&typed) {
+                        inbox.put_change(change);
                     }
+                    wishes.follow(&live.current);
                 }
             }
             is_done.raise();

@@ -3,7 +3,7 @@
 
 use super::Change;
 use super::event::{ArrivedFrame, Awaited, Command, DeviceRole, Event};
-use crate::device::{Clock, DeviceError, Truth};
+use crate::device::{Clock, DeviceError, Signal, Truth};
 use crate::model::{frame::RawFrame, imu::ImuSample, time::Timestamp};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -62,6 +62,8 @@ pub struct Inbox {
     arrived: Condvar,
     /// Times that the pipeline came for an event: somebody who watches it sees whether it lives.
     turns: AtomicU64,
+    /// [`Command::Stop`] was put, at any time.
+    is_stopped: Signal,
 }
 
 impl Inbox {
@@ -103,7 +105,10 @@ impl Inbox {
     pub fn put_command(&self, command: Command) -> Result<(), LaneFull> {
         let mut refused = false;
         self.put(|lanes| match command {
-            Command::Stop => lanes.stop = true,
+            Command::Stop => {
+                lanes.stop = true;
+                self.is_stopped.raise();
+            }
             command if lanes.commands.len() < COMMAND_LANE => lanes.commands.push_back(command),
             _ => {
                 lanes.counts.commands_refused += 1;
@@ -160,6 +165,12 @@ impl Inbox {
                 .wait_timeout(lanes, left)
                 .map_or_else(|poisoned| poisoned.into_inner().0, |w| w.0);
         }
+    }
+
+    /// Waits for [`Command::Stop`], and takes nothing; returns whether it has come by the deadline.
+    pub fn stop_by(&self, deadline: Timestamp, clock: &dyn Clock) -> bool {
+        self.turns.fetch_add(1, Ordering::Relaxed);
+        clock.wait_or(deadline, &self.is_stopped)
     }
 
     fn take_from(lanes: &mut Lanes, wants_frame: bool) -> Option<Event> {
@@ -249,6 +260,7 @@ mod tests {
             t_mid: Timestamp(sequence as i64),
             exposure: Exposure { time_s: 0.01, gain: 1.0 },
             pixels: Arc::new(Image::filled(1, 1, [0; 3])),
+            row_time_s: 0.0,
         }
     }
 

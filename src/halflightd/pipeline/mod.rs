@@ -19,6 +19,7 @@ pub mod options;
 pub mod policy;
 pub mod presenting;
 pub mod schedule;
+pub mod screen;
 pub mod tracking;
 pub mod turns;
 
@@ -205,8 +206,13 @@ impl Pipeline {
 
     /// Another engine is opened by `open` where the first one keeps failing.
     pub fn with_stand_in(mut self, open: StandIn) -> Self {
-        self.engine.stand_in = Some(open);
+        self.engine.replace_by(open, false);
         self
+    }
+
+    /// Time passes meanwhile: an engine that stands in is opened beside the frames.
+    pub fn go_live(&mut self) {
+        self.engine.open_beside();
     }
 
     /// Whether a frame's picture is the frame itself: there is nothing virtual to draw, and no other exposure to merge.

@@ -22,7 +22,7 @@ use crate::plan::{
 };
 use crate::present::{
     hud::Hud,
-    room_light::RoomLight,
+    room_light::LightInRoom,
     views::{CameraFrame, Subject, Views},
 };
 use glam::Vec3;
@@ -67,7 +67,7 @@ pub struct Presenting {
     held: Picture,
     held_text: Hud,
     /// The room that the scene stands in, which the engine was given.
-    room: Option<RoomLight>,
+    room: Option<LightInRoom>,
 }
 
 impl Presenting {
@@ -91,12 +91,12 @@ impl Presenting {
 
     /// The known room that the scene stands in.
     pub fn take_room(&mut self, room: Arc<KnownRoom>) {
-        self.room = Some(RoomLight::new(room));
+        self.room = Some(LightInRoom::new(room));
     }
 
     /// The known room that the scene stands in.
     pub fn room(&self) -> Option<&Arc<KnownRoom>> {
-        self.room.as_ref().map(RoomLight::known)
+        self.room.as_ref().map(LightInRoom::known)
     }
 
     /// Whether the scene's light comes from a known room.

@@ -20,7 +20,7 @@ const SIDE: usize = 48;
 const MOVED_M: f32 = 0.02;
 
 /// A room and what was last seen of it.
-pub struct RoomLight {
+pub struct LightInRoom {
     known: Arc<KnownRoom>,
     surfaces: Faces,
     patches: Faces,
@@ -30,7 +30,7 @@ pub struct RoomLight {
     taken_at: Option<Vec3>,
 }
 
-impl RoomLight {
+impl LightInRoom {
     /// Of a room; no picture is taken yet.
     pub fn new(known: Arc<KnownRoom>) -> Self {
         Self {
@@ -120,7 +120,7 @@ mod tests {
     fn mirrors_see_the_room_from_where_they_are() {
         let how = RoomSettings { patch_m: Some(0.5), ..RoomSettings::default() };
         let known = prepare(cube(), &how, Source::Given, None, &|_| ()).unwrap();
-        let mut light = RoomLight::new(Arc::new(known));
+        let mut light = LightInRoom::new(Arc::new(known));
         let wanted = Wanted { picture: true, glossy: true };
         assert!(light.picture_at(Vec3::ZERO, Wanted { picture: false, glossy: false }).is_none());
         let picture = light.picture_at(Vec3::ZERO, wanted).unwrap();

@@ -8,7 +8,7 @@ use crate::{
     model::image::RadianceImage,
     nearfield::{
         field::{NearField, Preparation},
-        marks::{Marks, View, bounds_world},
+        marks::{Marks, SeenReceivers, bounds_world},
         patches::{Subdivision, subdivide},
         representatives::{Representative, Representatives},
         shaft::Aabb,
@@ -176,7 +176,7 @@ impl ProfiledObject {
             triangles.extend(mesh.triangles.iter().map(|t| t.map(|i| i + base)));
         }
         let objects: Vec<Aabb> = bounds_world(positions.iter().copied()).into_iter().collect();
-        let (mut view, mut marks) = (View::default(), Marks::default());
+        let (mut view, mut marks) = (SeenReceivers::default(), Marks::default());
         view.look(field, &case.lens, &case.world_from_camera);
         marks.mark(field, &objects, Some(&view));
         let lights = COUNTS.map(|count| {

@@ -49,7 +49,7 @@ fn radiance(light: &LightTerms, direction: Vec3) -> [f32; 3] {
 }
 
 /// Everything that an update needs.
-struct Stage {
+struct SoftStage {
     geometry: ObjectGeometry,
     reflected: Reflected,
     quality: Quality,
@@ -57,7 +57,7 @@ struct Stage {
     picture: Option<EnvironmentPicture>,
 }
 
-impl Stage {
+impl SoftStage {
     fn new(scene: Scene, quality: Quality) -> Self {
         let (mut geometry, mut transferred) = (ObjectGeometry::default(), Transferred::default());
         geometry.load(&scene);
@@ -117,7 +117,7 @@ fn open_vertices_get_what_they_get_without_transfer() {
     scene.objects.push(scene.objects[0].clone());
     let light = light(4);
     let openness = Quality { self_shadow: SelfShadow::Openness, ..Quality::default() };
-    let mut stage = Stage::new(scene, openness);
+    let mut stage = SoftStage::new(scene, openness);
     assert_eq!(stage.update(&light, Vec3::Z, &[]), 6);
     assert!(stage.transferred.soft().iter().all(|v| *v == [0.0; 4]));
     stage.quality = Quality::default();
@@ -204,7 +204,7 @@ fn truth(light: &LightTerms, bvh: &Bvh, at: Vec3, normal: Vec3, along: Vec3, exp
 }
 
 /// What shading adds up at a vertex, and what it would be without shadow.
-fn shaded_and_open(stage: &Stage, light: &LightTerms, k: usize, along: Vec3) -> [[f32; 3]; 2] {
+fn shaded_and_open(stage: &SoftStage, light: &LightTerms, k: usize, along: Vec3) -> [[f32; 3]; 2] {
     let material = &stage.geometry.materials[0];
     let mut lobe = [0.0; MAX_COEFFICIENTS];
     basis::evaluate(light.order, along.to_array(), &mut lobe);
@@ -214,7 +214,7 @@ fn shaded_and_open(stage: &Stage, light: &LightTerms, k: usize, along: Vec3) -> 
     [std::array::from_fn(|c| gloss[c] * open[c]), open]
 }
 
-fn shaded(stage: &Stage, light: &LightTerms, k: usize, along: Vec3) -> [f32; 3] {
+fn shaded(stage: &SoftStage, light: &LightTerms, k: usize, along: Vec3) -> [f32; 3] {
     shaded_and_open(stage, light, k, along)[0]
 }
 
@@ -228,7 +228,7 @@ fn gloss_in_a_corner_is_what_rays_say() {
         let mut corner = object(mesh.clone(), glossy(exponent));
         corner.openness.clone_from(&openness);
         let scene = Scene { objects: vec![corner], ..Scene::default() };
-        let mut stage = Stage::new(with_transfer(scene, order, 1024), Quality::default());
+        let mut stage = SoftStage::new(with_transfer(scene, order, 1024), Quality::default());
         let (mut off, mut off_openness, mut size, mut count) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
         for eye in [Vec3::new(1.0, -3.0, 3.0), Vec3::new(3.0, 1.0, 2.0), Vec3::new(0.5, 0.0, 4.0)] {
             stage.update(&light, eye, &[]);
@@ -269,7 +269,7 @@ fn a_white_furnace_is_white_where_nothing_blocks_and_no_brighter_elsewhere() {
     let eye = Vec3::new(1.0, -2.0, 3.0);
     let white = |mesh: Mesh| {
         let scene = Scene { objects: vec![object(mesh.clone(), glossy(6.0))], ..Scene::default() };
-        let mut stage = Stage::new(with_transfer(scene, 4, 256), Quality::default());
+        let mut stage = SoftStage::new(with_transfer(scene, 4, 256), Quality::default());
         stage.update(&light, eye, &[]);
         let at = |k: usize| {
             let (to_eye, normal) = ((eye - mesh.positions[k]).normalize(), mesh.normals[k]);
@@ -293,7 +293,7 @@ fn where_a_lobe_sees_no_light_the_share_goes_by_directions() {
     let light = LightTerms::of(&Lights::soft(global));
     let mesh = corner();
     let scene = Scene { objects: vec![object(mesh.clone(), glossy(5.0))], ..Scene::default() };
-    let mut stage = Stage::new(with_transfer(scene, 4, 256), Quality::default());
+    let mut stage = SoftStage::new(with_transfer(scene, 4, 256), Quality::default());
     stage.update(&light, Vec3::new(1.0, -2.0, 3.0), &[]);
     for [r, g, b] in stage.transferred.gloss() {
         // A constant light is left as its directions are.
@@ -305,7 +305,7 @@ fn where_a_lobe_sees_no_light_the_share_goes_by_directions() {
 fn a_camera_that_turns_only_touches_gloss_with_a_shadow() {
     let objects = vec![object(corner(), glossy(5.0)), object(corner(), MATT), object(three_normals(), MATT)];
     let mut stage =
-        Stage::new(with_transfer(Scene { objects, ..Scene::default() }, 4, 16), Quality::default());
+        SoftStage::new(with_transfer(Scene { objects, ..Scene::default() }, 4, 16), Quality::default());
     let light = light(4);
     let all = stage.geometry.positions.len();
     assert_eq!(stage.update(&light, Vec3::Z, &[]), all);
@@ -348,7 +348,7 @@ fn bodies_take_soft_light_from_each_other_once() {
     assert!(r > 0.05, "{r}");
     let baked = with_transfer(dancer_beside(object(up.clone(), MATT)), 4, 64);
     for (scene, transfer) in [(dancer_beside(object(up.clone(), MATT)), false), (baked, true)] {
-        let mut stage = Stage::new(scene, Quality::default());
+        let mut stage = SoftStage::new(scene, Quality::default());
         let [r0, g0, b0] = if transfer { soft_over_pi(&light, Vec3::Z) } else { [0.0; 3] };
         let want = if transfer { [r0 - r, g0 - g, b0 - b, 1.0] } else { [r, g, b, 0.0] };
         stage.update(&light, Vec3::Z, &above(1));
@@ -383,7 +383,7 @@ fn gloss_behind_a_moving_sphere_and_a_wall_is_what_rays_say() {
         Bvh::build(&mesh.positions, &mesh.triangles)
     };
     let scene = with_transfer(dancer_beside(object(mesh.clone(), glossy(5.0))), 4, 1024);
-    let mut stage = Stage::new(scene, Quality { directions: 256, ..Quality::default() });
+    let mut stage = SoftStage::new(scene, Quality { directions: 256, ..Quality::default() });
     let eye = Vec3::new(1.5, -2.0, 3.0);
     let (mut off, mut without_ball, mut size, mut count) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
     stage.update(&light, eye, &[ball]);
@@ -431,7 +431,7 @@ fn ball_mesh(centre: Vec3, radius: f32) -> Mesh {
 fn sharp_gloss_takes_the_share_that_is_left_along_the_mirror_direction() {
     let mesh = corner();
     let scene = with_transfer(dancer_beside(object(mesh.clone(), glossy(60.0))), 4, 1024);
-    let mut stage = Stage::new(scene, Quality::default());
+    let mut stage = SoftStage::new(scene, Quality::default());
     let light = light(4);
     let mut picture = EnvironmentPicture::default();
     picture.all.reshape(16);

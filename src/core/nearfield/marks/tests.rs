@@ -108,7 +108,7 @@ fn only_receivers_in_the_view_count() {
     let field = &*FIELD;
     let lens = Lens::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
     let object = boxed(Vec3::new(0.0, 0.0, 0.2), Vec3::splat(0.1));
-    let (mut all, mut seen, mut view) = (Marks::default(), Marks::default(), View::default());
+    let (mut all, mut seen, mut view) = (Marks::default(), Marks::default(), SeenReceivers::default());
     all.mark(field, &[object], None);
     // Down at the table: what projects into the picture from in front is in the view.
     let eye = DVec3::new(-1.0, -1.0, 1.2);

@@ -13,13 +13,13 @@ fn boxed(centre: Vec3, half: f32) -> Aabb {
 }
 
 #[derive(Default)]
-struct Frame {
+struct MarkedFrame {
     marks: Marks,
     lights: Representatives,
     rows: Vec<[f32; 3]>,
 }
 
-impl Frame {
+impl MarkedFrame {
     fn draw(&mut self, field: &NearField, objects: &[Aabb], count: usize) {
         self.marks.mark(field, objects, None);
         self.lights.choose(field, &self.marks, objects, None, count, Priority::ErrorRemoved);
@@ -32,7 +32,7 @@ fn any_number_of_lights_sends_the_same_light() {
     let field = &*FIELD;
     let object = boxed(Vec3::new(0.1, 0.0, 0.2), 0.1);
     let vertices = field.patches.vertices.len();
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     frame.draw(field, &[object], usize::MAX);
     assert_eq!(frame.lights.near().len(), frame.marks.sources().len());
     let sums = |rows: &[[f32; 3]]| -> Vec<f32> {
@@ -60,7 +60,7 @@ fn any_number_of_lights_sends_the_same_light() {
 #[test]
 fn one_light_for_the_lamp_is_as_large_as_the_lamp() {
     let field = fixture::field(&fixture::room(), 300, &fixture::ALL);
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     frame.draw(&field, &[boxed(Vec3::new(0.6, -0.4, 0.5), 0.2)], 1);
     let light = frame.lights.near()[0];
     // The lamp lies at (0.6, -0.4, 1.74) and has half sides of 0.3 m; the light that arrives is nearly even, and its mean
@@ -77,7 +77,7 @@ fn one_light_for_the_lamp_is_as_large_as_the_lamp() {
 fn a_vertex_sees_the_part_of_a_light_that_the_room_leaves_open() {
     // The lamp at (0.6, -0.4, 1.74) has half sides of 0.3 m. The floor under the table is in the table's penumbra.
     let field = fixture::field(&fixture::room(), 1500, &fixture::ALL);
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     frame.draw(&field, &[boxed(Vec3::new(0.3, -0.2, -0.5), 0.2)], 1);
     let mut parts = Vec::new();
     frame.lights.light_parts(&field, &frame.marks, &mut parts);
@@ -105,7 +105,7 @@ fn a_vertex_sees_the_part_of_a_light_that_the_room_leaves_open() {
 #[test]
 fn an_object_around_a_source_is_told_of() {
     let field = &*FIELD;
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     frame.draw(field, &[boxed(Vec3::new(0.6, -0.4, 1.74), 0.4)], 4);
     assert!(frame.lights.near().iter().any(|l| l.inside));
     let hundred: Vec<Aabb> =
@@ -124,7 +124,7 @@ fn a_sun_shares_the_count() {
     let of = |width: f32| -> Vec<Vec3> {
         (0..16).map(|i| Vec3::new(0.3 + width * (i as f32 - 7.5), 0.2, 1.0).normalize()).collect()
     };
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     frame.marks.mark(field, &[object], None);
     for (width, least, most) in [(0.05, 6, 11), (0.0005, 1, 4)] {
         let directions = of(width);
@@ -158,7 +158,7 @@ fn a_slow_object_changes_little_from_step_to_step() {
             at.normal_world == Vec3::Z && at.position_world.z == 0.0
         })
         .collect();
-    let mut frame = Frame::default();
+    let mut frame = MarkedFrame::default();
     let mut before: Option<(Vec<u32>, Vec<f32>)> = None;
     let (mut swapped, mut largest_step, mut lights, mut taken) = (0, 0.0f32, 0, 0.0f32);
     let whole: f32 = watched.iter().map(|&v| field.kept_rgb[v][1]).sum();

@@ -53,17 +53,17 @@ fn hidden() -> RoomSun {
     sun(Vec3::new(0.9, 0.1, 0.45), 100.0)
 }
 
-struct Place {
+struct StoodPlace {
     field: NearField,
     suns: SunShadows,
 }
 
-fn place(lamp: f32, suns: &[RoomSun]) -> Place {
+fn place(lamp: f32, suns: &[RoomSun]) -> StoodPlace {
     let room = room(lamp);
     let field = fixture::field(&room, 900, &fixture::ALL);
     let mut shadows = SunShadows::default();
     shadows.load(&room, suns, &field, 512);
-    Place { field, suns: shadows }
+    StoodPlace { field, suns: shadows }
 }
 
 fn boxed(centre: Vec3, half: f32) -> Aabb {
@@ -74,18 +74,18 @@ fn boxed(centre: Vec3, half: f32) -> Aabb {
 const OBJECT: Vec3 = Vec3::new(0.1, 0.0, 0.2);
 
 /// A frame with a box of 0.2 m at a place, seen from above the table's far side or from another eye towards another place.
-struct Shown {
+struct ShownSun {
     frame: NearFrame,
     eye: DVec3,
     at: DVec3,
 }
 
-impl Shown {
+impl ShownSun {
     fn new() -> Self {
         Self { frame: NearFrame::default(), eye: DVec3::new(-1.2, -1.3, 0.9), at: DVec3::new(0.2, 0.1, -0.2) }
     }
 
-    fn draw(&mut self, place: &Place, centre: Vec3, lights: usize) -> (usize, usize) {
+    fn draw(&mut self, place: &StoodPlace, centre: Vec3, lights: usize) -> (usize, usize) {
         let corner = |i: u32| {
             let sign = |bit: u32| if i >> bit & 1 == 0 { -0.1 } else { 0.1 };
             centre + Vec3::new(sign(0), sign(1), sign(2))
@@ -98,7 +98,7 @@ impl Shown {
         let lens = Lens::pinhole(160, 120, 90.0, 90.0, 80.0, 60.0);
         let pose = Pose::look_at(self.eye, self.at, DVec3::Z);
         let quality = NearQuality { lights, texels: 64, places: 1 };
-        let Place { field, suns } = place;
+        let StoodPlace { field, suns } = place;
         self.frame.update_under(suns, field, &proxies, &positions, (&lens, &pose), &quality);
         let maps = (0..suns.len()).filter(|&k| self.frame.has_sun_map(k)).count();
         (self.frame.lights().len(), maps)
@@ -150,7 +150,7 @@ fn all_lights_share_one_number() {
         for suns in [vec![], vec![low()], vec![low(), high()]] {
             let place = place(lamp, &suns);
             for n in [1, 2, 5, 10] {
-                let mut shown = Shown::new();
+                let mut shown = ShownSun::new();
                 let (near, maps) = shown.draw(&place, OBJECT, n);
                 assert_eq!(near + maps, n, "lamp {lamp}, {} suns, n = {n}", suns.len());
                 if n == 1 && !suns.is_empty() {
@@ -176,7 +176,7 @@ fn all_lights_share_one_number() {
 #[test]
 fn a_sun_that_the_room_hides_takes_none() {
     let place = place(1.0, &[hidden(), low()]);
-    let mut shown = Shown::new();
+    let mut shown = ShownSun::new();
     assert_eq!(shown.draw(&place, OBJECT, 5), (4, 1));
     assert_eq!(shown.frame.sun_maps(), [None, Some(1)]);
     // Under the table it is dark of the sun.
@@ -248,7 +248,7 @@ fn no_light_is_lost_or_gained() {
 fn a_slow_object_makes_no_sun_come_and_go() {
     let place = place(0.3, &[low(), high()]);
     for n in [1, 2, 5] {
-        let mut shown = Shown::new();
+        let mut shown = ShownSun::new();
         let mut seen: Vec<(usize, Vec<Option<u32>>)> = Vec::new();
         let mut steps = 0;
         for step in 0..500 {

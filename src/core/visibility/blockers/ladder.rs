@@ -24,7 +24,7 @@ pub fn visibility<const N: usize, const L: usize>(
     if blockers.rung == Rung::Directions {
         return blockers.directions.visibility::<N, L>(blockers.others(body), points, normals);
     }
-    let mut product_of = Product::<N, L>::new(blockers);
+    let mut product_of = BlockerProduct::<N, L>::new(blockers);
     // Which ones are tested does not depend on what the receivers see, nor on how these are grouped.
     let (tested, further) = blockers.spheres.split_at(blockers.spheres.len().min(MOST_TESTED));
     let cap_of = |sphere| LaneCap::of_sphere(sphere, points, normals);
@@ -45,14 +45,14 @@ pub fn visibility<const N: usize, const L: usize>(
 }
 
 /// A product of visibilities that grows cap by cap.
-struct Product<'a, const N: usize, const L: usize> {
+struct BlockerProduct<'a, const N: usize, const L: usize> {
     blockers: &'a Blockers,
     any: bool,
     /// Of the logarithm's rungs the sum of logarithms, of `chain` V, of `dc` V_0 alone.
     sum: LaneSh<f32, L>,
 }
 
-impl<'a, const N: usize, const L: usize> Product<'a, N, L> {
+impl<'a, const N: usize, const L: usize> BlockerProduct<'a, N, L> {
     fn new(blockers: &'a Blockers) -> Self {
         let mut sum = nothing();
         if matches!(blockers.rung, Rung::Dc | Rung::Chain) {

@@ -7,7 +7,7 @@ use crate::{
         context::GpuContext,
         kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::MergeParams,
-        recorder::{Gpu, Recorder},
+        recorder::{Gpu, GpuRecorder},
     },
     hdr::merge_bracket::weight,
     model::{image::HdrImage, response::Response},
@@ -106,7 +106,7 @@ impl MergeBracket {
         ];
         let group = self.group.of(context, &self.built, &resources);
 
-        let mut recorder = Recorder::new(context, &mut gpu.timer);
+        let mut recorder = GpuRecorder::new(context, &mut gpu.timer);
         let groups = quads.div_ceil(LANES as usize) as u32;
         recorder.compute(PASS, |pass| {
             pass.set_pipeline(&self.pipeline);

@@ -15,8 +15,8 @@ mod turns;
 pub mod unwrap_ball;
 
 use super::{
-    context::GpuContext, device_scene::DeviceScene, exchange::Exchange, kernel::Kernel, point_pages::Spread,
-    recorder::Recorder,
+    context::GpuContext, device_scene::DeviceScene, exchange::Exchange, kernel::Kernel,
+    point_pages::MapSpread, recorder::GpuRecorder,
 };
 use crate::{
     EngineError,
@@ -27,7 +27,7 @@ use crate::{
 /// What a pass of a frame runs with.
 pub struct DeviceFrame<'a> {
     /// Takes the work.
-    pub recorder: Recorder<'a>,
+    pub recorder: GpuRecorder<'a>,
     /// What is to be drawn, and with what.
     pub job: &'a FrameJob<'a>,
     /// The host's side of it.
@@ -35,7 +35,7 @@ pub struct DeviceFrame<'a> {
     /// The device's.
     pub scene: &'a mut DeviceScene,
     /// How near lights are spread over passes.
-    pub spread: Spread,
+    pub spread: MapSpread,
 }
 
 /// A pass of a frame on the device.

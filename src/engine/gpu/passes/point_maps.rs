@@ -10,7 +10,7 @@ use crate::{
         kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
         params,
         recorder::{Targets, cleared},
-        scene::Mesh,
+        scene::DeviceMesh,
         textures::KeptTexture,
     },
     nearfield::frame::MOST_LIGHTS,
@@ -47,7 +47,7 @@ pub struct PointMaps {
     pages: GrowingBuffer,
     bytes: Vec<u8>,
     group: BoundGroup,
-    casters: Mesh,
+    casters: DeviceMesh,
     depth: KeptTexture,
 }
 
@@ -75,7 +75,7 @@ impl PointMaps {
             pages: GrowingBuffer::uniform("pages of near maps"),
             bytes: Vec::new(),
             group: BoundGroup::default(),
-            casters: Mesh::new(),
+            casters: DeviceMesh::new(),
             depth: KeptTexture::scratch("near depth", wgpu::TextureFormat::Depth32Float),
         })
     }

@@ -7,7 +7,7 @@ use crate::{
         context::GpuContext,
         kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::ProjectParams,
-        recorder::{Gpu, Recorder},
+        recorder::{Gpu, GpuRecorder},
     },
     light::project_sh::LEAF_SAMPLES,
     math::sh::{MAX_COEFFICIENTS, MAX_ORDER},
@@ -98,7 +98,7 @@ impl ProjectSh {
         ];
         let group = self.group.of(context, &self.built, &resources);
 
-        let mut recorder = Recorder::new(context, &mut gpu.timer);
+        let mut recorder = GpuRecorder::new(context, &mut gpu.timer);
         for start in (0..count).step_by(PART_SAMPLES) {
             let part = start..(start + PART_SAMPLES).min(count);
             let params = ProjectParams {

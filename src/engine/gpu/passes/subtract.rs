@@ -2,7 +2,7 @@
 
 use super::{
     DeviceFrame, DevicePass,
-    turns::{LightRound, TurnStages, Turns, drawing},
+    turns::{DeviceTurns, LightRound, TurnStages, drawing},
 };
 use crate::{
     EngineError,
@@ -12,7 +12,7 @@ use crate::{
         exchange::{Exchange, RATIOS_FORMAT, untouched},
         kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
         params,
-        point_pages::Spread,
+        point_pages::MapSpread,
         recorder::{Targets, cleared},
         room_lights::{self, RoomLights, TAKEN, TAKEN_FORMAT},
     },
@@ -91,7 +91,7 @@ pub struct Subtract {
     /// What is drawn with all lights, as corners of the room's mesh.
     chosen: GrowingBuffer,
     indices: Vec<[u32; 3]>,
-    turns: Option<Turns>,
+    turns: Option<DeviceTurns>,
     group: BoundGroup,
 }
 
@@ -156,7 +156,7 @@ impl Subtract {
         let group = self.group.of(context, &self.built, &resources);
         let turns = match &mut self.turns {
             Some(turns) => turns,
-            slot => slot.insert(Turns::new(context, &self.built, PASS, &STAGES)?),
+            slot => slot.insert(DeviceTurns::new(context, &self.built, PASS, &STAGES)?),
         };
         turns.draw(frame, &round, group)?;
         resources[TAKEN] = turns.taken(context);
@@ -175,8 +175,8 @@ impl DevicePass for Subtract {
     /// Draws the room; the ratios get the lens' size.
     fn run(&mut self, frame: &mut DeviceFrame<'_>, exchange: &mut Exchange) -> Result<(), EngineError> {
         match frame.spread {
-            Spread::Together => self.together(frame, exchange),
-            Spread::Each => self.each(frame, exchange),
+            MapSpread::Together => self.together(frame, exchange),
+            MapSpread::Each => self.each(frame, exchange),
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{
     DeviceFrame, DevicePass,
-    turns::{LightRound, TurnStages, Turns},
+    turns::{DeviceTurns, LightRound, TurnStages},
 };
 use crate::{
     EngineError,
@@ -87,7 +87,7 @@ const STAGES: TurnStages = TurnStages {
 /// The kernel.
 pub struct SubtractDisplayed {
     built: Built,
-    turns: Turns,
+    turns: DeviceTurns,
     group: BoundGroup,
     before: KeptTexture,
     exposures: KeptTexture,
@@ -102,7 +102,7 @@ impl SubtractDisplayed {
     /// Compiles it.
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         let built = Built::new(context, &KERNEL)?;
-        let turns = Turns::new(context, &built, PASS, &STAGES)?;
+        let turns = DeviceTurns::new(context, &built, PASS, &STAGES)?;
         Ok(Self {
             built,
             turns,

@@ -36,7 +36,7 @@ pub struct TurnStages {
 }
 
 /// The passes, and their memory.
-pub struct Turns {
+pub struct DeviceTurns {
     pass: Pass,
     nearest: wgpu::RenderPipeline,
     one: wgpu::RenderPipeline,
@@ -66,7 +66,7 @@ impl LightRound {
     }
 }
 
-impl Turns {
+impl DeviceTurns {
     /// Of a kernel that has the stages.
     pub fn new(
         context: &GpuContext,

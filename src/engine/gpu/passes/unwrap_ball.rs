@@ -7,7 +7,7 @@ use crate::{
         context::GpuContext,
         kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
         params::UnwrapParams,
-        recorder::{Gpu, Recorder},
+        recorder::{Gpu, GpuRecorder},
     },
     light::unwrap_ball::BallView,
     plan::Pass,
@@ -84,7 +84,7 @@ impl UnwrapBall {
             self.cells.bind(context, bytes),
         ];
         let group = self.group.of(context, &self.built, &resources);
-        let mut recorder = Recorder::new(context, &mut gpu.timer);
+        let mut recorder = GpuRecorder::new(context, &mut gpu.timer);
         recorder.compute(PASS, |pass| {
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, group, &[]);

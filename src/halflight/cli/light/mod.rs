@@ -5,7 +5,7 @@ mod formats;
 mod input;
 mod report;
 
-use super::output::PictureFormat;
+use super::output::OutputFormat;
 use super::{CliError, GlobalOptions};
 use crate::assets::dds;
 use crate::engine::{Engine, MeasuredLight};
@@ -183,8 +183,8 @@ pub struct MeasuredPlace {
 
 /// Runs `halflight light`.
 pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let allowed = [PictureFormat::Exr, PictureFormat::Hdr, PictureFormat::Png];
-    let format = arguments.out.as_deref().map(|out| PictureFormat::of(out, &allowed)).transpose()?;
+    let allowed = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
+    let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     if !arguments.turn.is_finite() {
         return Err(CliError(format!("--turn = {}: must be finite, in degrees", arguments.turn)));
     }

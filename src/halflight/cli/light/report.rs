@@ -5,7 +5,7 @@ use super::{
     formats::{self, LightFormat},
 };
 use crate::assets::pictures;
-use crate::cli::{GlobalOptions, output::PictureFormat};
+use crate::cli::{GlobalOptions, output::OutputFormat};
 use crate::lab::{digest::PixelDigest, open_exr::save_exr_f32};
 use crate::light::maps;
 use crate::math::color::{luminance, srgb_encode};
@@ -18,7 +18,7 @@ use crate::model::{
 pub fn picture(
     arguments: &LightArguments,
     global: &GlobalOptions,
-    format: Option<PictureFormat>,
+    format: Option<OutputFormat>,
     samples: &RadianceSamples,
 ) -> Result<Option<String>, CliError> {
     if format.is_none() && !global.digest {
@@ -28,7 +28,7 @@ pub fn picture(
         .ok_or_else(|| CliError("--out: there are no samples to draw".into()))?;
     let mut digest = PixelDigest::default();
     let shown = match format {
-        Some(PictureFormat::Png) => Some(display(&picture)),
+        Some(OutputFormat::Png) => Some(display(&picture)),
         _ => None,
     };
     match &shown {
@@ -37,9 +37,9 @@ pub fn picture(
     }
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match (format, &shown) {
-            (PictureFormat::Exr, _) => save_exr_f32(out, &picture),
-            (PictureFormat::Png, Some(shown)) => pictures::save_png(out, shown),
-            (PictureFormat::Hdr | PictureFormat::Png, _) => pictures::save_hdr(out, &picture),
+            (OutputFormat::Exr, _) => save_exr_f32(out, &picture),
+            (OutputFormat::Png, Some(shown)) => pictures::save_png(out, shown),
+            (OutputFormat::Hdr | OutputFormat::Png, _) => pictures::save_hdr(out, &picture),
         }?;
     }
     Ok(global.digest.then(|| digest.hex()))
