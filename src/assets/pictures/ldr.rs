@@ -3,6 +3,7 @@
 use super::{MAX_PIXELS, MAX_SIDE, check_size};
 use crate::{
     error::AssetError,
+    whole,
     model::{
         image::{Image, RadianceImage, Rgb8Image},
         jpeg,
@@ -73,6 +74,15 @@ pub fn save(
     color: ExtendedColorType,
 ) -> Result<(), AssetError> {
     check_size(file, width, height)?;
-    image::save_buffer_with_format(file, samples, width as u32, height as u32, color, ImageFormat::Png)
-        .map_err(|e| AssetError::new(file, "write PNG").cause(e))
+    let mut bytes = Cursor::new(Vec::new());
+    image::write_buffer_with_format(
+        &mut bytes,
+        samples,
+        width as u32,
+        height as u32,
+        color,
+        ImageFormat::Png,
+    )
+    .map_err(|e| AssetError::new(file, "write PNG").cause(e))?;
+    whole::write(file, bytes.into_inner())
 }

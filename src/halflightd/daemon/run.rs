@@ -4,8 +4,8 @@ use super::{
     host::Host,
     picture_folder::PictureFolder,
     prepare::{OpenedCamera, Prepared, open_camera, prepare},
-    settings_thread::{LiveSettings, SettingsThread},
-    stop_signals::StopSignals,
+    settings_thread::{LiveSettings, SettingsThread, Watched},
+    stop_signals::{Asked, StopSignals},
     watchdog::{DEFAULT_PERIOD_S, Watchdog},
 };
 use crate::config::settings::{RunMode, Settings};
@@ -135,23 +135,48 @@ pub struct FollowedFile {
     pub read: Box<dyn Fn(&str) -> Result<Settings, String> + Send>,
 }
 
-/// The whole daemon: settings in, run to the end, or until the process is asked to stop.
-pub fn run_daemon(settings: &Settings, file: Option<FollowedFile>) -> Result<RunCounts, PipelineError> {
-    let setup = |what: &str, e: std::io::Error| PipelineError::Setup(format!("{what}: {e}"));
+/// What is told of a run that has ended.
+pub fn tell_ended(counts: &RunCounts) {
+    tracing::info!(
+        frames = counts.frames,
+        lost_by_source = counts.lost_by_source,
+        passed_over = counts.passed_over,
+        passed_through = counts.passed_through,
+        held = counts.held,
+        devices_lost = counts.devices_lost,
+        "ended"
+    );
+}
+
+/// The whole daemon: settings in, run to the end, or until the process is asked to stop. Where the settings name no folder
+/// for pictures, `newest` is a file for the newest one.
+pub fn run_daemon(
+    settings: &Settings,
+    file: Option<FollowedFile>,
+    newest: Option<PathBuf>,
+) -> Result<RunCounts, PipelineError> {
+    let system = |what: &str, e: std::io::Error| PipelineError::Output(format!("{what}: {e}"));
+    let (inbox, asked) = (Arc::<Inbox>::default(), Asked::default());
+    let _signals = StopSignals::follow(Arc::clone(&inbox), &asked, || tell_ended(&RunCounts::default()))
+        .map_err(|e| system("signals", e))?;
+    let mut sink = match newest {
+        Some(file) if settings.pictures_folder.is_empty() => PictureFolder::newest(file),
+        _ => PictureFolder::new(&settings.pictures_folder)?,
+    };
     let mut prepared = prepare(settings, &Host::default())?;
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
-    let mut sink = PictureFolder::new(&settings.pictures_folder)?;
-    let inbox = Arc::<Inbox>::default();
-    let _signals = StopSignals::follow(Arc::clone(&inbox)).map_err(|e| setup("signals", e))?;
     let live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
     let _follows = file
         .map(|FollowedFile { path, content, read }| {
             let clock = Arc::new(MonotonicClock::default());
-            SettingsThread::start(&path, &content, read, live, Arc::clone(&inbox), clock)
+            let read_again = Arc::clone(&asked.read_again);
+            let watched = Watched { path: &path, known: &content, read_again };
+            SettingsThread::start_asked(watched, read, live, Arc::clone(&inbox), clock)
         })
         .transpose()
-        .map_err(|e| setup("the thread that follows the settings", e))?;
+        .map_err(|e| system("the thread that follows the settings", e))?;
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
-    let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| setup("the watchdog", e))?;
+    let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| system("the watchdog", e))?;
+    asked.loop_begins();
     run_from(inbox, prepared, settings, &mut sink).map(|ran| ran.counts)
 }

@@ -7,7 +7,10 @@ use crate::device::{Clock, Signal};
 use crate::model::{frame::Exposure, scene::Scene};
 use crate::pipeline::{Change, GovernorChange, inbox::Inbox};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 use std::thread::JoinHandle;
 
 /// The file is looked at so often, seconds.
@@ -67,6 +70,16 @@ impl LiveSettings {
 /// Whoever drops the thread's handle waits for it so long, seconds: bodies that are being dressed then are left to it.
 const LONGEST_STOP_S: f64 = 0.5;
 
+/// A settings file that is followed.
+pub struct Watched<'a> {
+    /// Where it is.
+    pub path: &'a Path,
+    /// Its content when the settings were read.
+    pub known: &'a str,
+    /// Raised where it is to be read again, changed or not.
+    pub read_again: Arc<AtomicBool>,
+}
+
 /// The thread that follows a settings file.
 pub struct SettingsThread {
     clock: Arc<dyn Clock>,
@@ -85,15 +98,35 @@ impl SettingsThread {
         path: &Path,
         known: &str,
         read: impl Fn(&str) -> Result<Settings, String> + Send + 'static,
+        live: LiveSettings,
+        inbox: Arc<Inbox>,
+        clock: Arc<dyn Clock>,
+    ) -> std::io::Result<Self> {
+        let watched = Watched { path, known, read_again: Arc::default() };
+        Self::start_asked(watched, read, live, inbox, clock)
+    }
+
+    /// As [`SettingsThread::start`]; where `read_again` is raised, the file is read again, changed or not.
+    ///
+    /// # Errors
+    /// As of `start`.
+    pub fn start_asked(
+        watched: Watched<'_>,
+        read: impl Fn(&str) -> Result<Settings, String> + Send + 'static,
         mut live: LiveSettings,
         inbox: Arc<Inbox>,
         clock: Arc<dyn Clock>,
     ) -> std::io::Result<Self> {
+        let Watched { path, known, read_again } = watched;
         let mut watcher = Watcher::new(path, known);
         let (stop, done) = (Signal::default(), Signal::default());
         let (is_stopped, is_done, theirs) = (stop.clone(), done.clone(), Arc::clone(&clock));
         let follow = move || {
             while !theirs.wait_or(theirs.now().plus_seconds(LOOK_EVERY_S), &is_stopped) {
+                if read_again.swap(false, Ordering::SeqCst) {
+                    tracing::info!("the settings are read again");
+                    watcher.read_again();
+                }
                 let Some(content) = watcher.look(theirs.now()) else { continue };
                 match read(content) {
                     Err(mistakes) => tracing::warn!("settings stay as they are: {mistakes}"),
