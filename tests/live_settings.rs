@@ -7,7 +7,7 @@ use halflight::daemon::{
     host::Host,
     prepare::prepare,
     run::run_from,
-    settings_thread::{FollowedFile, LiveSettings, SettingsThread, Wishes},
+    settings_thread::{Asks, FollowedFile, LiveSettings, SettingsThread, Wishes},
 };
 use halflight::device::clock::MonotonicClock;
 use halflight::model::{image::Rgb8Image, picture::PictureView};
@@ -189,8 +189,8 @@ fn a_thread_follows_the_file_and_brings_what_is_ready() {
     let clock = Arc::new(MonotonicClock::default());
     let file = FollowedFile { path: path.clone(), content: String::new(), read: Box::new(typed) };
     let wishes = Arc::new(Wishes::new(&base()));
-    let follows =
-        SettingsThread::start(Some(file), Arc::clone(&wishes), live, Arc::clone(&inbox), clock).unwrap();
+    let asks = Asks { wishes: Arc::clone(&wishes), read_again: Arc::default() };
+    let follows = SettingsThread::start(Some(file), asks, live, Arc::clone(&inbox), clock).unwrap();
     std::fs::write(&path, "present.view = \"mirror\"").unwrap();
     let change = next_change(&inbox);
     assert_eq!(change.options.view, PictureView::Mirror);

@@ -5,6 +5,10 @@
 //! another format or of another input, or whose result does not fit the input, is not used: a warning is logged, and it is
 //! written anew.
 
+mod room;
+
+pub use room::make_room;
+
 use super::error::{AssetError, read_file};
 use crate::model::keep::{Keeper, KeptInput};
 use serde::{Serialize, de::DeserializeOwned};
@@ -112,7 +116,10 @@ fn read<T: DeserializeOwned>(file: &Path, hash: &InputHash, accepts: impl FnOnce
         if accepts(&output) { Ok(output) } else { Err(format!("{}: not what its name says", file.display())) }
     });
     match found {
-        Ok(output) => Some(output),
+        Ok(output) => {
+            room::touch(file);
+            Some(output)
+        }
         Err(what) => {
             tracing::warn!("{what}; it is made anew");
             None
@@ -152,10 +159,10 @@ fn write<T: Serialize>(file: &Path, hash: &InputHash, output: &T) -> Result<(), 
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
-    // A reader never sees half a file: written beside it, then moved.
-    let beside = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&beside, bytes).map_err(failed)?;
-    std::fs::rename(&beside, file).map_err(failed)
+    if let Some(folder) = file.parent() {
+        room::sweep(folder);
+    }
+    room::write_locked(file, &bytes).map_err(failed)
 }
 
 /// What an input's file is called.

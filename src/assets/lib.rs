@@ -20,3 +20,4 @@ pub mod shapes;
 pub mod spheres;
 pub mod transfer;
 pub mod walker;
+pub mod whole;

@@ -13,6 +13,7 @@ use crate::model::{
     frame::{Exposure, RawFrame},
     imu::ImuSample,
     light::RadianceSh,
+    path_text,
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -40,11 +41,7 @@ impl ReplayOptions {
     /// Reads the part of a device name after `replay:`. The parameters begin at the last commas that are
     /// followed by `key=`, so a path may hold commas.
     pub fn parse(text: &str) -> Result<Self, DeviceError> {
-        let mut path = text;
-        while let Some((head, last)) = path.rsplit_once(',').filter(|(_, last)| last.contains('=')) {
-            let _ = last;
-            path = head;
-        }
+        let path = file_of(text);
         let device = format!("replay:{text}");
         let p = Parameters::parse(&device, text.get(path.len()..).unwrap_or(""), &KEYS)?;
         if path.is_empty() {
@@ -52,11 +49,27 @@ impl ReplayOptions {
             return Err(DeviceError::new(device, action, ErrorKind::Refused));
         }
         Ok(Self {
-            path: path.into(),
+            path: path_text::to_path(path),
             skip: p.number("skip", 0, 0, u64::MAX, " frames")?,
             frames: p.number("frames", u64::MAX, 1, u64::MAX, " frames")?,
         })
     }
+}
+
+/// The part of `FILE[,key=value..]` that names the file. A name may hold commas and `=`: all of it is the file where there
+/// is one of that name; else parameters begin after a file that is there, or after `.mcap`, or where a known key stands.
+fn file_of(text: &str) -> &str {
+    let is_there = |name: &str| path_text::to_path(name).is_file();
+    let (mut path, mut found) = (text, text);
+    while !is_there(path) {
+        let Some((head, last)) = path.rsplit_once(',').filter(|(_, last)| last.contains('=')) else { break };
+        let is_known = last.split_once('=').is_some_and(|(key, _)| KEYS.contains(&key.trim()));
+        path = head;
+        if is_known || head.ends_with(".mcap") || is_there(head) {
+            found = head;
+        }
+    }
+    found
 }
 
 /// Opens a recording: its camera, and its IMU where it holds one.

@@ -4,6 +4,7 @@ use crate::{
     assets::{
         error::{AssetError, read_file},
         pictures::{self, LoadedRadiance, MAX_PIXELS, check_size, ingest},
+        whole,
     },
     model::image::{Image, RadianceImage},
 };
@@ -57,7 +58,7 @@ fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
 pub fn save_exr_f32(file: &Path, picture: &RadianceImage) -> Result<(), AssetError> {
     check_size(file, picture.width(), picture.height())?;
     let bytes = encode(file, picture)?;
-    std::fs::write(file, bytes).map_err(|e| AssetError::new(file, "cannot be written").cause(e))
+    whole::write(file, bytes)
 }
 
 /// Decodes the first layer's R, G, B (or Y alone as grey) over its data window; half, float or integer.

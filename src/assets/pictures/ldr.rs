@@ -7,6 +7,7 @@ use crate::{
         image::{Image, RadianceImage, Rgb8Image},
         jpeg,
     },
+    whole,
 };
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::Path};
@@ -73,6 +74,15 @@ pub fn save(
     color: ExtendedColorType,
 ) -> Result<(), AssetError> {
     check_size(file, width, height)?;
-    image::save_buffer_with_format(file, samples, width as u32, height as u32, color, ImageFormat::Png)
-        .map_err(|e| AssetError::new(file, "write PNG").cause(e))
+    let mut bytes = Cursor::new(Vec::new());
+    image::write_buffer_with_format(
+        &mut bytes,
+        samples,
+        width as u32,
+        height as u32,
+        color,
+        ImageFormat::Png,
+    )
+    .map_err(|e| AssetError::new(file, "write PNG").cause(e))?;
+    whole::write(file, bytes.into_inner())
 }

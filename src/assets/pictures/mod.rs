@@ -5,7 +5,10 @@ mod radiance;
 
 pub use ingest::{LARGEST_RADIANCE, LoadedRadiance, Replaced, ingest};
 
-use super::error::{AssetError, read_file};
+use super::{
+    error::{AssetError, read_file},
+    whole,
+};
 use crate::{
     math::color::srgb_decode,
     model::image::{Image, RadianceImage, Rgb8Image},
@@ -165,8 +168,7 @@ pub fn save_png_gray(file: &Path, picture: &Image<u8>) -> Result<(), AssetError>
 /// An empty picture, or the file cannot be written.
 pub fn save_hdr(file: &Path, picture: &RadianceImage) -> Result<(), AssetError> {
     check_size(file, picture.width(), picture.height())?;
-    std::fs::write(file, radiance::encode(picture))
-        .map_err(|e| AssetError::new(file, "cannot be written").cause(e))
+    whole::write(file, radiance::encode(picture))
 }
 
 #[cfg(test)]

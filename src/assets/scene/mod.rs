@@ -75,6 +75,7 @@
 //! Paths are relative to the scene file.
 
 mod figure;
+pub mod keys;
 mod place;
 mod rig;
 mod room;
@@ -282,7 +283,7 @@ fn pictures(section: &Section<'_>, folder: &Path) -> Pictures {
     let response = match section.text("response") {
         None => "srgb".to_owned(),
         Some(word @ ("srgb" | "solve")) => word.to_owned(),
-        Some(name) => resolved(folder, name).display().to_string(),
+        Some(name) => crate::model::path_text::to_text(&resolved(folder, name)),
     };
     Pictures { files, exposures_s, response }
 }

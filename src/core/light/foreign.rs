@@ -4,7 +4,7 @@
 //! is theirs. They differ from us in two things: y is up, and some leave out the Condon-Shortley phase. A main light is
 //! given by the direction *towards* it and by its irradiance on a surface that faces it.
 
-use crate::model::light::{RadianceSh, SplitLight};
+use crate::model::light::{DirectionalLight, RadianceSh, SplitLight};
 
 /// Coefficients of bands 0 to 2.
 pub const ROWS: usize = 9;
@@ -12,7 +12,8 @@ pub const ROWS: usize = 9;
 /// Signs of the functions with odd m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// y_1 = 0.4886 (-y, z, -x): ours, and that of the shaders published for ARCore and Android XR.
+    /// y_1 = 0.4886 (-y, z, -x): ours, that of the shaders published for ARCore and Android XR, and what Chromium passes
+    /// on from them.
     CondonShortley,
     /// y_1 = 0.4886 (y, z, x): that of Ramamoorthi and Hanrahan, of three.js, and of the examples for WebXR.
     Plain,
@@ -36,6 +37,15 @@ pub struct YUpLight {
     pub ambient_rgb: [[f32; 3]; ROWS],
     /// `None`: no direction dominates, and the ambient light is all.
     pub main: Option<MainLight>,
+}
+
+impl From<&DirectionalLight> for MainLight {
+    fn from(light: &DirectionalLight) -> Self {
+        Self {
+            to_light_y_up: y_up(light.to_light_world).map(|x| x + 0.0),
+            irradiance_rgb: light.irradiance_rgb,
+        }
+    }
 }
 
 /// A vector of the world (z up) with y up, both right-handed: (x, y, z) becomes (x, z, -y).
@@ -75,15 +85,12 @@ pub fn nine_y_up(light: &RadianceSh, phase: Phase) -> [[f32; 3]; ROWS] {
     out
 }
 
-/// Measured light and its split by net flux with y up. `ambient` plus the main light's `E y(to_light)` is `total`.
+/// Measured light and its split with y up. `ambient` plus the main light's `E y(to_light)` is `total`.
 pub fn y_up_light(total: &RadianceSh, split: &SplitLight, phase: Phase) -> YUpLight {
     YUpLight {
         total_rgb: nine_y_up(total, phase),
         ambient_rgb: nine_y_up(&split.global, phase),
-        main: split.direct.map(|direct| MainLight {
-            to_light_y_up: y_up(direct.to_light_world).map(|x| x + 0.0),
-            irradiance_rgb: direct.irradiance_rgb,
-        }),
+        main: split.direct.as_ref().map(MainLight::from),
     }
 }
 

@@ -5,6 +5,7 @@ pub mod clipped;
 pub mod compact;
 pub mod cone;
 pub mod dering;
+pub mod exported;
 pub mod fill;
 pub mod follow;
 pub mod foreign;

@@ -11,6 +11,7 @@ pub mod imu;
 pub mod jpeg;
 pub mod keep;
 pub mod light;
+pub mod path_text;
 pub mod picture;
 pub mod pixels;
 pub mod quality;

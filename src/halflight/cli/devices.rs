@@ -1,8 +1,8 @@
 //! `halflight devices`: what is at hand?
 
 use super::{CliError, GlobalOptions};
-use crate::engine::gpu::{Backend, GpuEngine};
-use crate::engine::{Engine, cpu::CpuEngine};
+use crate::daemon::engines::gpu;
+use crate::engine::{Engine, cpu::CpuEngine, gpu::Backend};
 
 /// Arguments of `halflight devices`.
 #[derive(clap::Args, Debug)]
@@ -10,11 +10,10 @@ pub struct DevicesArguments {}
 
 /// Runs `halflight devices`.
 pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let cpu = CpuEngine::new(global.threads)?;
+    let cpu = CpuEngine::new(global.threads()?)?;
     let mut engines = vec![("cpu", Ok(cpu.description()))];
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
-        engines
-            .push((name, GpuEngine::new(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
+        engines.push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
     if global.json {
         let engines: Vec<_> = engines
@@ -26,7 +25,10 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
                 Err(why) => serde_json::json!({ "engine": name, "usable": false, "why": why }),
             })
             .collect();
-        println!("{}", serde_json::json!({ "cameras": CAMERAS.map(|c| c.0), "engines": engines }));
+        println!(
+            "{}",
+            serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "engines": engines })
+        );
         return Ok(());
     }
     println!("cameras");

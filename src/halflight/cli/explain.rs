@@ -1,6 +1,7 @@
 //! `halflight explain`: which effects a frame has, which it keeps and which it does without, and why.
 
-use super::progress::host;
+use super::output::{camera_of, need_frame, shown};
+use super::progress::{Bar, host};
 use super::{CliError, GlobalOptions, quality_flags::QualityFlags, render::is_scene_file};
 use crate::assets::scene;
 use crate::config::{Settings, settings::RunMode};
@@ -9,6 +10,7 @@ use crate::lab::{
     case::{self, CaseStills, default_image},
     still::of_scene,
 };
+use crate::model::path_text;
 use crate::pipeline::{
     PipelineError,
     frame::Shown,
@@ -56,8 +58,9 @@ pub fn run(arguments: ExplainArguments, global: &GlobalOptions) -> Result<(), Cl
     let mut settings = global.settings(arguments.config.as_deref())?;
     arguments.quality.apply(&mut settings)?;
     let name = arguments.input.to_string_lossy();
+    let is_device = name.contains(':') && !arguments.input.exists();
     let is_recording =
-        name.contains(':') || arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+        is_device || arguments.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
     let explained = if is_recording {
         of_recording(&arguments, settings)?
     } else {
@@ -96,18 +99,22 @@ fn of_still(
 
 fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<Explained, CliError> {
     let name = arguments.input.display().to_string();
-    settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
+    settings.camera = camera_of(arguments.input.as_os_str());
     settings.mode = RunMode::Lockstep;
     if let Some(frame) = arguments.frame {
+        need_frame(&settings.camera, frame)?;
         settings.frames = frame.saturating_add(1);
     }
     if let Some(scene) = &arguments.scene {
-        settings.scene_file = scene.display().to_string();
+        settings.scene_file = path_text::to_text(scene);
     }
     let prepared = prepare(&settings, &host())?;
-    let mut last = LastShown::default();
+    let total = prepared.source.frames_left().map(|n| arguments.frame.map_or(n, |frame| n.min(frame + 1)));
+    let mut last = LastShown { shown: None, bar: Bar::of_count(total, "frames") };
     let ran = run_prepared(prepared, &settings, &mut last)?;
-    let Some(shown) = last.shown else { return Err(CliError::on(&name, "holds no frames")) };
+    let LastShown { shown, bar } = last;
+    drop(bar);
+    let Some(shown) = shown else { return Err(CliError::on(&name, "holds no frames")) };
     if let Some(wanted) = arguments.frame.filter(|&wanted| wanted >= ran.counts.frames) {
         return Err(CliError(format!(
             "--frame = {wanted}: {name} has {0} frames, numbered 0 to {1}",
@@ -119,14 +126,15 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
 }
 
 /// What became of the newest frame.
-#[derive(Default)]
 struct LastShown {
     shown: Option<Shown>,
+    bar: Bar,
 }
 
 impl FrameSink for LastShown {
     fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
         self.shown = Some(finished.outcome.shown);
+        self.bar.add_one();
         Ok(true)
     }
 }
@@ -175,7 +183,8 @@ fn json(arguments: &ExplainArguments, explained: &Explained) -> serde_json::Valu
         })
     };
     serde_json::json!({
-        "input": arguments.input,
+        "format": super::JSON_FORMAT,
+        "input": shown(&arguments.input),
         "frame": explained.frame.map(|(number, _)| number),
         "passed_through": explained.frame.and_then(|(_, shown)| match shown {
             Shown::Relit => None,

@@ -1,6 +1,6 @@
 //! `halflight hdr`: exposures of one view into one linear picture.
 
-use super::output::{OutputFormat, write_file};
+use super::output::{OutputFormat, shown, write_file};
 use super::{CliError, GlobalOptions};
 use crate::{
     assets::pictures,
@@ -374,7 +374,7 @@ fn report(arguments: &HdrArguments, global: &GlobalOptions, done: &Merged, engin
     });
     if global.json {
         let report = serde_json::json!({
-            "out": arguments.out, "engine": engine,
+            "format": super::JSON_FORMAT, "out": arguments.out.as_deref().map(shown), "engine": engine,
             "width_px": merged.radiance.width(), "height_px": merged.radiance.height(),
             "pictures": pictures_json(done),
             "black_level_rgb": black, "response": { "kind": chosen.kind, "why": chosen.why },
@@ -421,8 +421,8 @@ fn pictures_json(done: &Merged) -> Vec<serde_json::Value> {
     let each = done.files.iter().zip(&done.exposures).zip(done.check.reports());
     each.map(|((file, exposure), report)| {
         serde_json::json!({
-            "file": file, "time_s": exposure.time_s, "verdict": verdict_name(report.verdict),
-            "against": report.against.map(|other| &done.files[other]),
+            "file": shown(file), "time_s": exposure.time_s, "verdict": verdict_name(report.verdict),
+            "against": report.against.map(|other| shown(&done.files[other])),
             "stated_ratio": report.against.map(|_| report.stated_ratio),
             "measured_ratio": report.against.map(|_| report.measured_ratio),
         })

@@ -1,5 +1,8 @@
 //! The tool for people: one file for each verb of `halflight`.
 
+#[macro_use]
+pub mod printing;
+
 pub mod check;
 pub mod devices;
 pub mod error;
@@ -7,6 +10,7 @@ pub mod explain;
 pub mod figures;
 pub mod global_options;
 pub mod hdr;
+pub mod help;
 pub mod light;
 mod output;
 mod progress;
@@ -16,6 +20,7 @@ pub mod render;
 pub mod replay;
 pub mod reproduce;
 pub mod room;
+mod run_folder;
 pub mod spheres;
 pub mod stress;
 pub mod synth;
@@ -25,13 +30,24 @@ pub mod tradeoff;
 
 pub use error::CliError;
 pub use global_options::GlobalOptions;
+
+use crate::daemon::version;
 use std::process::ExitCode;
+
+/// Form of the JSON that `--json` prints: another number where a field changes its name, its place or its meaning.
+pub const JSON_FORMAT: u32 = 1;
+
+const AFTER_HELP: &str = "\
+Exit status: 0 done, 1 a bound or a comparison failed, 2 usage or input, 3 a device or an engine, 130 interrupted
+(docs/exit-codes.md). HALFLIGHT_LOG=LEVEL or MODULE=LEVEL,.. chooses the lines of the log on standard error (error,
+warn, info, debug, trace); -v and -q win.";
 
 /// `halflight`: measures the light of a real place and draws virtual objects into the camera picture.
 #[derive(clap::Parser, Debug)]
-#[command(name = "halflight", version, about, long_about = None, max_term_width = 110)]
+#[command(name = "halflight", version = version::SHORT, long_version = version::LONG, about, long_about = None,
+          max_term_width = 110, after_help = AFTER_HELP)]
 pub struct CommandLine {
-    /// Options of every verb.
+    /// Options that verbs share.
     #[command(flatten)]
     pub global: GlobalOptions,
     /// What to do.
@@ -43,55 +59,52 @@ pub struct CommandLine {
 #[derive(clap::Subcommand, Debug)]
 pub enum Verb {
     /// Run a recording through the daemon's own pipeline. Leaves pictures, a film and a report.
-    #[command(long_about = replay::LONG_ABOUT)]
     Replay(replay::ReplayArguments),
     /// Draw one still of a scene file or of a reference case.
-    #[command(long_about = render::LONG_ABOUT)]
     Render(render::RenderArguments),
     /// Tell which effects a frame has, and why.
-    #[command(long_about = explain::LONG_ABOUT)]
     Explain(explain::ExplainArguments),
     /// Trace a still: ground truth with and without the objects, and its noise.
     Trace(trace::TraceArguments),
     /// Show how pictures come about, part by part.
-    #[command(long_about = figures::LONG_ABOUT)]
     Figures(figures::FiguresArguments),
     /// Measure the light in a picture of a mirror ball or in an environment picture.
     Light(light::LightArguments),
     /// Merge exposures into one HDR picture.
-    #[command(long_about = hdr::LONG_ABOUT)]
     Hdr(hdr::HdrArguments),
     /// Find AprilTags and their poses.
     Tags(tags::TagsArguments),
     /// Record a device to an MCAP file.
-    #[command(long_about = record::LONG_ABOUT)]
     Record(record::RecordArguments),
     /// Fit spheres to a model, for its soft shadow.
     Spheres(spheres::SpheresArguments),
     /// Show a known room: what its surfaces send out and reflect, and what a probe saw of it.
     Room(room::RoomArguments),
     /// Make a recording of the synthetic room, with its truth.
-    #[command(long_about = synth::LONG_ABOUT)]
     Synth(synth::SynthArguments),
     /// Do an experiment of the papers again: table and plot.
     Reproduce(reproduce::ReproduceArguments),
     /// Measure what accuracy costs in time: plots, a page, and the measured front.
-    #[command(long_about = tradeoff::LONG_ABOUT)]
     Tradeoff(tradeoff::TradeoffArguments),
     /// Run the hard cases: the textbook, this program, and the bound.
-    #[command(long_about = stress::LONG_ABOUT)]
     Stress(stress::StressArguments),
     /// Check a settings file. Prints all mistakes at once.
-    #[command(long_about = check::LONG_ABOUT)]
     Check(check::CheckArguments),
     /// List the devices and engines at hand.
     Devices(devices::DevicesArguments),
 }
 
+impl Verb {
+    /// Whether a first signal ends its work as a limit would, so that what it has is closed and kept.
+    pub fn closes_what_it_writes(&self) -> bool {
+        matches!(self, Self::Record(_) | Self::Synth(_))
+    }
+}
+
 /// Runs one verb. Returns the program's exit status: 0, or 1 where a check that was asked for fails.
 ///
 /// # Errors
-/// What a person did wrong, or what failed; the exit status is then 2.
+/// What a person did wrong, or what failed, with the exit status.
 pub fn run(line: CommandLine) -> Result<ExitCode, CliError> {
     let global = &line.global;
     let done = match line.verb {

@@ -1,19 +1,17 @@
 //! Results on standard output and in files.
 
-use super::CliError;
-use std::{io::Write, path::Path};
+use super::{CliError, printing};
+use crate::assets::whole;
+use crate::model::path_text;
+use std::{ffi::OsStr, path::Path};
 
 /// Prints a text and a line end. A reader that has gone away (`| head`) is no error.
 ///
 /// # Errors
 /// Standard output cannot be written.
 pub fn say(text: &str) -> Result<(), CliError> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CliError::on("writing to standard output", error))
-        }
-        _ => Ok(()),
-    }
+    println!("{text}");
+    printing::finish()
 }
 
 /// Prints the digest; JSON on standard output stays alone there.
@@ -43,8 +41,32 @@ pub fn make_folder(folder: &Path) -> Result<(), CliError> {
 /// # Errors
 /// It cannot be written.
 pub fn write_file(file: &Path, contents: impl AsRef<[u8]>) -> Result<(), CliError> {
-    std::fs::write(file, contents)
-        .map_err(|e| CliError::on(file.display(), format!("cannot be written: {e}")))
+    Ok(whole::write(file, contents)?)
+}
+
+/// A path as JSON and messages show it; bytes that are no UTF-8 are replaced.
+pub fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// What `device.camera` is for a name on the command line: a recording's file, or any device name.
+pub fn camera_of(name: &OsStr) -> String {
+    let (file, text) = (Path::new(name), path_text::to_text(Path::new(name)));
+    if text.contains(':') && !file.is_file() { text } else { format!("replay:{text}") }
+}
+
+/// Refuses a frame beyond a recording's end, before anything is drawn. A device that does not know its end has none.
+///
+/// # Errors
+/// The recording cannot be opened, or is shorter.
+pub fn need_frame(camera: &str, frame: u64) -> Result<(), CliError> {
+    match crate::device::open::open(camera)?.frames.frames_left() {
+        Some(frames) if frame >= frames => Err(CliError(format!(
+            "--frame = {frame}: {camera} has {frames} frames, numbered 0 to {}",
+            frames.saturating_sub(1)
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// What the ending of a picture's name asks for.

@@ -1,7 +1,9 @@
 //! Flags for every accuracy setting; what each may be stands in the table of keys.
 
-use super::CliError;
-use crate::config::{keys::KEYS, presets, settings::Settings};
+use super::{CliError, global_options::put};
+use crate::config::{presets, settings::Settings};
+use crate::model::path_text;
+use std::path::PathBuf;
 use toml::Value;
 
 /// Accuracy against time. Each flag is a key of the settings file and wins over it; `halflight check --manual` says more.
@@ -14,7 +16,7 @@ pub struct QualityFlags {
     pub preset: Option<String>,
     /// The measured front: bundled, or a file front.json that `halflight tradeoff` wrote [default: bundled].
     #[arg(long, value_name = "FILE")]
-    pub front: Option<String>,
+    pub front: Option<PathBuf>,
     /// SH order of the light: 2 to 6 [default: 4].
     #[arg(long, value_name = "N")]
     pub sh_order: Option<i64>,
@@ -52,7 +54,7 @@ pub struct QualityFlags {
     /// How glossy lobes are scaled: energy-safe or paper [default: energy-safe].
     #[arg(long, value_name = "NORM")]
     pub phong_norm: Option<String>,
-    /// Shadow maps that compact lights share: 1 to 64 [default: 8].
+    /// Shadow maps that compact lights share: 1 to 256 [default: 8].
     #[arg(long, value_name = "N")]
     pub shadow_maps: Option<i64>,
     /// Shadow map texels a side: 64 to 4096 [default: 1024].
@@ -65,6 +67,15 @@ pub struct QualityFlags {
     /// [default: called_for].
     #[arg(long, value_name = "WHICH")]
     pub effects: Option<String>,
+    /// Newest frames of different exposure that are merged: 1 to 9.
+    #[arg(long, value_name = "N")]
+    pub brackets: Option<i64>,
+    /// Measure the light on every n-th frame: 1 to 60.
+    #[arg(long, value_name = "N")]
+    pub light_every: Option<i64>,
+    /// Coverage samples for each pixel at the edges of objects: 1 or 4.
+    #[arg(long, value_name = "N")]
+    pub coverage_samples: Option<i64>,
     /// How the picture loses the light of a known room that objects hide: ratio (exact), or ldr (from 8-bit values, light by
     /// light, as [Gib03] did) [default: ratio].
     #[arg(long, value_name = "FORM")]
@@ -77,7 +88,11 @@ impl QualityFlags {
         let whole = |value: Option<i64>| value.map(Value::Integer);
         let word = |value: &Option<String>| value.clone().map(Value::String);
         let given = [
-            ("--front", "quality.front", word(&self.front)),
+            (
+                "--front",
+                "quality.front",
+                self.front.as_ref().map(|file| Value::String(path_text::to_text(file))),
+            ),
             ("--preset", "quality.preset", word(&self.preset)),
             ("--sh-order", "light.order", whole(self.sh_order)),
             ("--split", "light.split", word(&self.split)),
@@ -94,17 +109,14 @@ impl QualityFlags {
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
             ("--effects", "quality.effects", word(&self.effects)),
+            ("--brackets", "quality.brackets", whole(self.brackets)),
+            ("--light-every", "quality.light_every", whole(self.light_every)),
+            ("--coverage-samples", "quality.coverage_samples", whole(self.coverage_samples)),
             ("--near-form", "quality.near_form", word(&self.near_form)),
         ];
         for (flag, name, value) in given {
-            let (Some(value), Some(key)) = (value, KEYS.iter().find(|key| key.name == name)) else {
-                continue;
-            };
-            if !key.range.admits(&value) {
-                let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-                return Err(CliError(format!("{flag} = {shown}: must be {}", key.range.describe())));
-            }
-            (key.write)(settings, &value);
+            let Some(value) = value else { continue };
+            put(flag, name, &value, settings)?;
             if let ("--preset", Some(preset)) = (flag, &self.preset) {
                 let front = settings.front.clone();
                 presets::apply(preset, &front, settings)
@@ -140,6 +152,9 @@ mod tests {
             pcf_taps: Some(8),
             effects: Some("all".into()),
             near_form: Some("ldr".into()),
+            brackets: Some(2),
+            light_every: Some(5),
+            coverage_samples: Some(1),
         };
         let mut settings = Settings::default();
         flags.apply(&mut settings).unwrap();
@@ -152,6 +167,7 @@ mod tests {
         assert!(quality.dering && !before.dering);
         assert!(quality.soft_at != before.soft_at && quality.effects != before.effects);
         assert!(quality.near_form != before.near_form);
+        assert_eq!((quality.brackets, quality.light_every, quality.coverage_samples), (2, 5, 1));
         assert!(quality.split != before.split && quality.rung != before.rung);
         assert!(quality.self_shadow != before.self_shadow && quality.phong_norm != before.phong_norm);
     }

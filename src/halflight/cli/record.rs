@@ -1,13 +1,18 @@
 //! `halflight record`
 
+use super::output::shown;
 use super::progress::Bar;
+use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
+use crate::assets::whole::WholeFile;
+use crate::daemon::stop_signals;
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
-use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Truth, open};
+use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Signal, Truth, open};
 use crate::lab::digest::PixelDigest;
-use crate::model::{frame::Exposure, time::Timestamp};
+use crate::model::{frame::Exposure, path_text, time::Timestamp};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// How pictures are stored.
@@ -45,7 +50,7 @@ Example: halflight record synthetic:frames=30,seed=4 --out room.mcap --png";
 #[derive(clap::Args, Debug)]
 pub struct RecordArguments {
     /// The device, e.g. synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
-    device: String,
+    device: OsString,
     /// The recording to write (MCAP).
     #[arg(long, value_name = "FILE.mcap")]
     out: PathBuf,
@@ -55,9 +60,25 @@ pub struct RecordArguments {
     /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
+    /// Replace a recording that is there.
+    #[arg(long)]
+    force: bool,
     /// How pictures are stored (default: --jpeg 93).
     #[command(flatten)]
     coding: Coding,
+}
+
+/// The tape of a recording that is there whole or not at all.
+pub type WholeTape = Tape<WholeFile>;
+
+/// Begins a recording.
+///
+/// # Errors
+/// The file cannot be made.
+pub fn tape(out: &Path, coding: PictureCoding, setup: Setup) -> Result<WholeTape, CliError> {
+    let target =
+        WholeFile::create(out).map_err(|e| CliError::on(out.display(), format!("cannot be written: {e}")))?;
+    Ok(Tape::new(RecordingWriter::new(format!("record:{}", out.display()), target, coding, setup)?))
 }
 
 /// When to stop; a source that ends stops too.
@@ -82,6 +103,8 @@ pub struct RecordedFrames {
 
 /// A frame that does not come within this time is given up.
 const PATIENCE_S: f64 = 5.0;
+/// Signals are looked for so often while no frame comes, seconds.
+const LOOK_EVERY_S: f64 = 0.25;
 
 /// Draws frames and samples through the tees until the limit, with a progress bar.
 pub fn pump(
@@ -90,21 +113,26 @@ pub fn pump(
     limit: &Limit,
     expected: u64,
 ) -> Result<RecordedFrames, CliError> {
+    let stop = Signal::default();
+    stop_signals::raise(stop.clone()).map_err(|e| CliError::on("signals", e))?;
     let bar = Bar::of_count(Some(expected), "frames");
     let clock = MonotonicClock::new();
     let mut seen = RecordedFrames::default();
     let mut samples = Vec::new();
     let mut first = None;
-    while limit.frames.is_none_or(|most| seen.frames < most) {
+    let mut patience = clock.now().plus_seconds(PATIENCE_S);
+    while !stop.is_raised() && limit.frames.is_none_or(|most| seen.frames < most) {
         let deadline = match frames.delivers_at_once() {
             true => Timestamp::NEVER,
-            false => clock.now().plus_seconds(PATIENCE_S),
+            false => clock.now().plus_seconds(LOOK_EVERY_S),
         };
         let frame = match frames.next(deadline) {
             Ok(frame) => frame,
+            Err(error) if error.kind == ErrorKind::Again && clock.now() < patience => continue,
             Err(error) if error.kind == ErrorKind::Ended => break,
             Err(error) => return Err(error.into()),
         };
+        patience = clock.now().plus_seconds(PATIENCE_S);
         let start = *first.get_or_insert(frame.t_mid);
         seen.span_s = frame.t_mid.seconds_since(start);
         seen.size = (frame.pixels.width(), frame.pixels.height());
@@ -132,13 +160,15 @@ pub fn pump(
 pub fn report(
     verb: &str,
     out: &Path,
-    tape: &Tape,
+    tape: &WholeTape,
     seen: RecordedFrames,
     coding: PictureCoding,
     global: &GlobalOptions,
 ) -> Result<(), CliError> {
     let (written, target) = tape.finish().map_err(|e| CliError::on(verb, e))?;
-    drop(target);
+    if let Some(target) = target {
+        target.commit().map_err(|e| CliError::on(out.display(), format!("cannot be written: {e}")))?;
+    }
     let bytes = std::fs::metadata(out).map(|m| m.len()).unwrap_or(0);
     let times: Vec<f64> = seen.exposures.iter().map(|e| e.time_s).collect();
     let (width, height) = seen.size;
@@ -146,7 +176,7 @@ pub fn report(
     let digest = global.digest.then(|| seen.digest.hex());
     if global.json {
         let report = serde_json::json!({
-            "file": out, "bytes": bytes, "frames": written.frames, "imu_samples": written.imu_samples,
+            "format": super::JSON_FORMAT, "file": shown(out), "bytes": bytes, "frames": written.frames, "imu_samples": written.imu_samples,
             "chunks": written.chunks, "width_px": width, "height_px": height, "exposures_s": times,
             "span_s": seen.span_s, "coding": format!("{coding:?}"), "to_light_world": to_light, "digest": digest,
         });
@@ -189,23 +219,25 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
     }
     let coding = a.coding.chosen()?;
-    if let (Ok(from), Ok(to)) = (replayed(&a.device).canonicalize(), a.out.canonicalize())
+    let device = path_text::to_text(Path::new(&a.device));
+    need_folder_of(&a.out)?;
+    if let (Ok(from), Ok(to)) = (replayed(&device).canonicalize(), a.out.canonicalize())
         && from == to
     {
         return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
     }
-    let opened = open::open(&a.device)?;
+    refuse_existing(&a.out, a.force)?;
+    let opened = open::open(&device)?;
     let setup = Setup {
         rig: opened.frames.rig(),
         response: opened.frames.response(),
         imu_truth: opened.imu.as_ref().and_then(|imu| imu.imu_truth()),
     };
     if setup.rig.is_none() {
-        tracing::warn!("{} states no lens: the recording will have no calibration", a.device);
+        tracing::warn!("{device} states no lens: the recording will have no calibration");
     }
     let expected = a.frames.or(opened.frames.frames_left()).unwrap_or(0);
-    let writer = RecordingWriter::create(&a.out, coding, setup)?;
-    let tape = Tape::new(writer);
+    let tape = tape(&a.out, coding, setup)?;
     let mut frames = Recorder::new(opened.frames, tape.clone());
     let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
     let limit = Limit { frames: a.frames, seconds: a.seconds };

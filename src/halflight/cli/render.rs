@@ -1,10 +1,9 @@
 //! `halflight render`: one still of a scene file or of a reference case.
 
-use super::output::OutputFormat;
+use super::output::{self, OutputFormat};
 use super::progress::host;
-use super::{CliError, GlobalOptions, quality_flags::QualityFlags};
+use super::{CliError, GlobalOptions, quality_flags::QualityFlags, run_folder::need_folder_of};
 use crate::assets::{pictures, scene};
-use crate::config::Settings;
 use crate::engine::Engine;
 use crate::lab::case::{self, Case, CaseStills, Comparison, compare, default_image};
 use crate::lab::still::{Drawn, Still, of_scene};
@@ -70,7 +69,10 @@ pub fn run(arguments: RenderArguments, global: &GlobalOptions) -> Result<(), Cli
     let allowed = [OutputFormat::Exr, OutputFormat::Png];
     let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     let view = view_named(&arguments.view)?;
-    let mut settings = Settings::default();
+    if let Some(out) = &arguments.out {
+        need_folder_of(out)?;
+    }
+    let mut settings = global.settings(None)?;
     arguments.quality.apply(&mut settings)?;
     let quality = settings.quality;
     let mut engine = global.open_engine()?;
@@ -165,7 +167,8 @@ fn report(arguments: &RenderArguments, global: &GlobalOptions, engine: &dyn Engi
             .map(|p| serde_json::json!({ "pass": p.pass.name(), "reason": p.reason }))
             .collect();
         let report = serde_json::json!({
-            "input": arguments.input, "out": arguments.out, "engine": engine.description(),
+            "format": super::JSON_FORMAT, "input": output::shown(&arguments.input),
+            "out": arguments.out.as_deref().map(output::shown), "engine": engine.description(),
             "width_px": drawn.radiance.width(), "height_px": drawn.radiance.height(),
             "notes": notes, "passes": passes, "left_out": left_out,
             "comparison": comparison.map(Comparison::json), "digest": digest,

@@ -1,7 +1,8 @@
 //! `halflight reproduce`: experiments of the papers, done again.
 
-use super::output::{make_folder, write_file};
-use super::{CliError, GlobalOptions};
+use super::output::{shown, write_file};
+use super::progress::Bar;
+use super::{CliError, GlobalOptions, run_folder};
 use crate::lab::papers::{displayed_values, profiles};
 use crate::nearfield::two_sets::Off;
 use serde_json::{Value, json};
@@ -49,17 +50,22 @@ pub enum What {
 /// # Errors
 /// A mistake in the arguments; a reference case that cannot be read; a file that cannot be written.
 pub fn run(arguments: ReproduceArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    if arguments.what == What::Gib03F3 && arguments.reference.is_none() {
+        return Err(CliError::on("gib03-f3", "--reference DIR is missing: the folder with the cases f3_*"));
+    }
+    run_folder::check(&arguments.out, &["gib03-*.csv", "gib03-*.svg"])?;
     let done = match arguments.what {
         What::Gib03Fig3 => displayed_values(),
         What::Gib03F3 => room_profiles(&arguments)?,
     };
-    make_folder(&arguments.out)?;
+    run_folder::begin(&arguments.out, "reproduce", &["gib03-*.csv", "gib03-*.svg"])?;
     for (name, text) in &done.files {
         write_file(&arguments.out.join(name), text)?;
     }
     if global.json {
         let mut report = done.json;
-        report["out"] = json!(arguments.out);
+        report["format"] = json!(super::JSON_FORMAT);
+        report["out"] = json!(shown(&arguments.out));
         println!("{report}");
         return Ok(());
     }
@@ -82,9 +88,13 @@ fn room_profiles(arguments: &ReproduceArguments) -> Result<Done, CliError> {
         return Err(CliError::on("gib03-f3", "--reference DIR is missing: the folder with the cases f3_*"));
     };
     let mut found = Vec::new();
-    for folder in f3_folders(reference)? {
+    let folders = f3_folders(reference)?;
+    let bar = Bar::of_count(Some(folders.len() as u64), "cases");
+    for folder in folders {
         found.extend(profiles::of_case(&folder)?);
+        bar.add_one();
     }
+    drop(bar);
     let of = |p: &profiles::ShadowProfile| {
         let off = p.off();
         json!({"case": p.case, "object": p.object, "row": p.row, "rms_over_largest": {"10": off[0], "50": off[1]}})

@@ -1,11 +1,9 @@
 //! `halflight stress`: the hard cases, by the textbook and by this program, on the engines at hand.
 
 use super::output::write_file;
-use super::{CliError, GlobalOptions, global_options::EngineChoice};
-use crate::engine::{
-    cpu::CpuEngine,
-    gpu::{Backend, GpuEngine},
-};
+use super::{CliError, GlobalOptions, global_options::EngineChoice, run_folder::need_folder_of};
+use crate::daemon::{engines::gpu, exit};
+use crate::engine::{cpu::CpuEngine, gpu::Backend};
 use crate::lab::stress_report::{NamedEngine, StressReport, html, json, markdown, terminal};
 use crate::stress::{GROUPS, HardCase};
 use std::path::PathBuf;
@@ -43,6 +41,9 @@ pub struct StressArguments {
 /// # Errors
 /// A mistake in the arguments; an engine that is not there; a file that cannot be written.
 pub fn run(arguments: StressArguments, global: &GlobalOptions) -> Result<ExitCode, CliError> {
+    for file in [&arguments.html, &arguments.markdown].into_iter().flatten() {
+        need_folder_of(file)?;
+    }
     let engines = engines(arguments.all, global)?;
     let report = StressReport::of(engines, &|group: &str, case: &HardCase| {
         arguments.only.as_ref().is_none_or(|text| group.contains(text) || case.name.contains(text))
@@ -60,11 +61,13 @@ pub fn run(arguments: StressArguments, global: &GlobalOptions) -> Result<ExitCod
         write_file(file, markdown(&report))?;
     }
     if global.json {
-        println!("{}", json(&report));
+        let mut all = json(&report);
+        all["format"] = super::JSON_FORMAT.into();
+        println!("{all}");
     } else {
         print!("{}", terminal(&report));
     }
-    Ok(if report.broken() == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if report.broken() == 0 { ExitCode::SUCCESS } else { ExitCode::from(exit::FAILED) })
 }
 
 fn engines(all: bool, global: &GlobalOptions) -> Result<Vec<NamedEngine>, CliError> {
@@ -72,11 +75,11 @@ fn engines(all: bool, global: &GlobalOptions) -> Result<Vec<NamedEngine>, CliErr
         let name = if global.engine == Some(EngineChoice::Gpu) { "GPU" } else { "CPU" };
         return Ok(vec![(name, global.open_engine()?)]);
     }
-    let mut engines: Vec<NamedEngine> = vec![("CPU", Box::new(CpuEngine::new(global.threads)?))];
+    let mut engines: Vec<NamedEngine> = vec![("CPU", Box::new(CpuEngine::new(global.threads()?)?))];
     for backend in Backend::ALL {
-        match GpuEngine::new(Some(backend)) {
+        match gpu(Some(backend)) {
             Ok(engine) => engines.push((backend.name(), Box::new(engine))),
-            Err(error) => eprintln!("halflight: {} is left out: {error}", backend.name()),
+            Err(error) => eprintln!("warning: {} is left out: {error}", backend.name()),
         }
     }
     Ok(engines)

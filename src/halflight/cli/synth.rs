@@ -1,10 +1,12 @@
 //! `halflight synth`
 
+use super::output::write_file;
 use super::record::Coding;
+use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions, record};
 use crate::assets::{gltf::write_room::encode_room, pictures};
-use crate::device::record::{ImuRecorder, Recorder, Tape};
-use crate::device::recording::{RecordingWriter, Setup};
+use crate::device::record::{ImuRecorder, Recorder};
+use crate::device::recording::Setup;
 use crate::device::synthetic::{self, options};
 use crate::device::{FrameSource, ImuSource};
 use glam::DVec3;
@@ -61,6 +63,9 @@ pub struct SynthArguments {
     /// Where the probe is: x,y,z in metres, world frame.
     #[arg(long, value_name = "X,Y,Z", default_value = "0,-0.6,0.1", allow_hyphen_values = true, value_parser = point)]
     probe_position: DVec3,
+    /// Replace files that are there.
+    #[arg(long)]
+    force: bool,
     /// How pictures are stored (default: --jpeg 93).
     #[command(flatten)]
     coding: Coding,
@@ -84,7 +89,11 @@ pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliE
     );
     let options = options::SyntheticOptions::parse(&name).map_err(|e| CliError::on("synth", e))?;
     let coding = a.coding.chosen()?;
-    if let Some(threads) = global.threads {
+    for file in [Some(&a.out), a.geometry.as_ref(), a.probe.as_ref()].into_iter().flatten() {
+        need_folder_of(file)?;
+        refuse_existing(file, a.force)?;
+    }
+    if let Some(threads) = global.threads()? {
         // Only the first choice in a process counts; the pixels are the same for any number.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
@@ -92,16 +101,14 @@ pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliE
     if let Some(file) = &a.geometry {
         let room = synthetic::rough_room(options.view);
         let note = serde_json::json!({"made_by": "halflight synth", "view": a.view});
-        std::fs::write(file, encode_room(&room, note)).map_err(|e| CliError::on(file.display(), e))?;
+        write_file(file, encode_room(&room, note))?;
     }
     if let Some(file) = &a.probe {
         let map = frames.probe(a.probe_position, PROBE_ROWS);
         pictures::save_hdr(file, &map.radiance)?;
     }
     let setup = Setup { rig: frames.rig(), response: frames.response(), imu_truth: imu.imu_truth() };
-    let writer =
-        RecordingWriter::create(&a.out, coding, setup).map_err(|e| CliError::on(a.out.display(), e))?;
-    let tape = Tape::new(writer);
+    let tape = record::tape(&a.out, coding, setup)?;
     let mut imu = ImuRecorder::new(imu, tape.clone());
     let mut frames = Recorder::new(frames, tape.clone());
     let limit = record::Limit { frames: Some(options.frames), seconds: None };

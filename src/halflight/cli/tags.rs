@@ -18,7 +18,7 @@ const AFTER_HELP: &str = "\
 Finds tag36h11 AprilTags in a picture and the pose of each in the camera's frame (x right, y down, z forward;
 metres). The tag's own frame: origin in its middle, x right and y down in its upright picture, z into it.
 
---json prints a list; each tag has id, corners_px (lower left, lower right, upper right, upper left of the black
+--json prints format and tags, a list; each tag has id, corners_px (lower left, lower right, upper right, upper left of the black
 square in its upright picture; pixel (0, 0) covers 0 to 1), camera_from_tag (4x4, row by row), reprojection_px
 (root mean square over the corners' coordinates), ambiguity (error of the second pose over that of the first; below
 2 the corners leave the choice open; 1e6 where there is no second pose), and that second pose.
@@ -94,7 +94,8 @@ pub fn run(arguments: TagsArguments, global: &GlobalOptions) -> Result<(), CliEr
         tags.iter().map(|t| solve(&t.corners_px, arguments.size, &lens)).collect();
     if global.json {
         let reports: Vec<TagReport> = tags.iter().zip(&poses).map(|(t, p)| report(t, p.as_ref())).collect();
-        say(&serde_json::to_string_pretty(&reports)?)?;
+        let report = serde_json::json!({ "format": super::JSON_FORMAT, "tags": reports });
+        say(&serde_json::to_string_pretty(&report)?)?;
     } else {
         say(&table(&tags, &poses))?;
     }

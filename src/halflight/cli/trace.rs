@@ -1,7 +1,8 @@
 //! `halflight trace`: ground truth of a still, by ray tracing.
 
-use super::output::{make_folder, write_file};
+use super::output::{make_folder, shown, write_file};
 use super::progress::{Bar, host};
+use super::run_folder::{self, refuse_existing};
 use super::{CliError, GlobalOptions, render::is_scene_file};
 use crate::assets::{pictures, scene as scene_file};
 use crate::lab::case::{self, default_image, is_a_mask};
@@ -22,6 +23,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// What a trace leaves in its folder.
+const LEFT: [&str; 4] = ["*.exr", "*.png", "noise.json", CHECKPOINT];
 /// How often an unfinished trace is written down.
 const KEEP_EVERY: Duration = Duration::from_secs(10);
 /// Name of the file that it is written to.
@@ -74,6 +77,9 @@ pub struct TraceArguments {
     /// Trace only every k-th pixel of every k-th row.
     #[arg(long, value_name = "K", default_value_t = 1)]
     pub step_px: u32,
+    /// Replace what an earlier trace has left in DIR.
+    #[arg(long)]
+    pub force: bool,
     /// Go on from DIR/trace.checkpoint where there is one.
     #[arg(long)]
     pub resume: bool,
@@ -141,11 +147,17 @@ fn read_input(
 /// A mistake in the arguments; an input that cannot be traced; a file that cannot be read or written.
 pub fn run(arguments: TraceArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let mut notes = Vec::new();
-    let input = read_input(&arguments, global, &mut notes)?;
     let out = &arguments.out;
-    make_folder(out)?;
+    refuse_existing(out, arguments.force || arguments.resume)?;
+    let threads = global.threads()?;
+    let input = read_input(&arguments, global, &mut notes)?;
+    if arguments.resume {
+        make_folder(out)?;
+    } else {
+        run_folder::begin(out, "trace", &LEFT)?;
+    }
     let work = || work(&arguments, &input.scene);
-    let (traced, speed) = match global.threads {
+    let (traced, speed) = match threads {
         None => work()?,
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -157,8 +169,7 @@ pub fn run(arguments: TraceArguments, global: &GlobalOptions) -> Result<(), CliE
     let noise_report = noise_json(&traced, &noise, &speed);
     write_file(&out.join("noise.json"), serde_json::to_string_pretty(&noise_report)?)?;
     if global.json {
-        let mut report =
-            serde_json::json!({"input": arguments.input, "out": out, "notes": notes, "noise": noise_report});
+        let mut report = serde_json::json!({"format": super::JSON_FORMAT, "input": shown(&arguments.input), "out": shown(out), "notes": notes, "noise": noise_report});
         if global.digest {
             report["digest"] = digest.into();
         }
@@ -223,12 +234,9 @@ fn work(arguments: &TraceArguments, scene: &TraceScene) -> Result<(Traced, Speed
     Ok((tracer.finish(), Speed { samples, seconds }))
 }
 
-/// A reader never sees half a file: written beside it, then moved.
+/// Writes down what was traced so far.
 fn keep(file: &Path, tracer: &Tracer) -> Result<(), CliError> {
-    let beside = file.with_extension("part");
-    std::fs::write(&beside, tracer.checkpoint())
-        .and_then(|()| std::fs::rename(&beside, file))
-        .map_err(|e| CliError::on(file.display(), e))
+    write_file(file, tracer.checkpoint())
 }
 
 /// Writes all pictures; returns the digest of with and without.
@@ -257,17 +265,17 @@ fn save(out: &Path, traced: &Traced, place: Option<&RadianceImage>) -> Result<St
     {
         save_exr_f32(&out.join(format!("{name}.exr")), picture)?;
     }
-    let shown =
+    let preview =
         |picture: &RadianceImage, scale: f32| of_pixels(picture, |rgb| rgb.map(|c| encoded(scale * c)));
     let mut previews = vec![
-        ("with", shown(&with, exposure)),
-        ("without", shown(&without, exposure)),
-        ("ratio", shown(&traced.ratio(), 1.0)),
-        ("difference", shown(&traced.difference(), exposure)),
+        ("with", preview(&with, exposure)),
+        ("without", preview(&without, exposure)),
+        ("ratio", preview(&traced.ratio(), 1.0)),
+        ("difference", preview(&traced.difference(), exposure)),
         ("coverage", coverage),
     ];
     if let Some(over) = &over {
-        previews.push(("over", shown(over, pleasant_exposure_s(over) as f32)));
+        previews.push(("over", preview(over, pleasant_exposure_s(over) as f32)));
     }
     for (name, picture) in &previews {
         pictures::save_png(&out.join(format!("{name}.png")), picture)?;

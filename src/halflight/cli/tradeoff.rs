@@ -1,6 +1,6 @@
 //! `halflight tradeoff`: what accuracy costs in time.
 
-use super::output::make_folder;
+use super::output::{make_folder, shown};
 use super::progress::{Bar, host};
 use super::{CliError, GlobalOptions};
 use crate::lab::tradeoff::{
@@ -38,8 +38,8 @@ pub struct TradeoffArguments {
     /// Settings file that everything starts from. Accuracy that is named there is taken as the default.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The frame of a recording, counted from 1.
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..))]
+    /// The frame of a recording, counted from 0.
+    #[arg(long, value_name = "N", default_value_t = 11)]
     pub frame: u64,
     /// Folder for the results. It is made where it is missing.
     #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
@@ -100,7 +100,8 @@ pub fn run(arguments: TradeoffArguments, global: &GlobalOptions) -> Result<(), C
 fn report(global: &GlobalOptions, about: &About<'_>, results: &StudyResults, files: &[PathBuf]) {
     if global.json {
         let mut all = json(about, results);
-        all["files"] = serde_json::json!(files);
+        all["files"] = files.iter().map(|file| shown(file)).collect();
+        all["format"] = super::JSON_FORMAT.into();
         println!("{all}");
         return;
     }

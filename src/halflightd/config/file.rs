@@ -1,5 +1,6 @@
 //! A settings file as typed, with the place of each key.
 
+use std::io::Read;
 use std::path::Path;
 use toml::{Spanned, Table, Value, de::DeTable, de::DeValue};
 
@@ -28,9 +29,30 @@ impl From<&Table> for TypedSettings {
     }
 }
 
-/// Reads a file. Errors name it.
+/// Larger files are no settings, bytes.
+pub const LARGEST: u64 = 1 << 20;
+
+/// Reads a settings file. Errors name it.
 pub fn text(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|e| format!("{}: cannot be read: {e}", path.display()))
+    regular_text(path, LARGEST)
+}
+
+/// Reads a text file of at most so many bytes. A pipe or a device, which may never end, is not opened.
+pub fn regular_text(path: &Path, largest: u64) -> Result<String, String> {
+    let on = |what: String| format!("{}: {what}", path.display());
+    let cannot = |e: std::io::Error| on(format!("cannot be read: {e}"));
+    let about = std::fs::metadata(path).map_err(cannot)?;
+    if !about.is_file() {
+        return Err(on("cannot be read: must be a regular file".into()));
+    }
+    let mut content = String::new();
+    let file = std::fs::File::open(path).map_err(cannot)?;
+    // What grows while it is read counts, too.
+    file.take(largest + 1).read_to_string(&mut content).map_err(cannot)?;
+    if content.len() as u64 > largest {
+        return Err(on(format!("size: must be at most {largest} bytes")));
+    }
+    Ok(content)
 }
 
 /// Reads a file's keys. Errors name the file and, for broken TOML, the place.

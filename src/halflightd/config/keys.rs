@@ -478,4 +478,12 @@ pub const KEYS: &[Key] = &[
         |s| word(&s.pictures_folder),
         |s, v| s.pictures_folder = text(v)
     ),
+    key!(
+        "cache.max_mib",
+        "MiB",
+        Range::Integer(0, 1_048_576),
+        "How large the cache folder may become ($CACHE_DIRECTORY under systemd, else $XDG_CACHE_HOME/halflight or ~/.cache/halflight). What was not used for the longest time is removed; 0 = nothing is kept.",
+        |s| Value::Integer(s.cache_max_mib as i64),
+        |s, v| s.cache_max_mib = integer(v) as u64
+    ),
 ];

@@ -10,5 +10,5 @@ pub mod range;
 pub mod resolve;
 pub mod settings;
 
-pub use resolve::{ConfigErrors, resolve};
+pub use resolve::{ConfigErrors, over, resolve};
 pub use settings::Settings;

@@ -1,16 +1,19 @@
 //! The measured front of error against time, as `halflight tradeoff` writes it, and the presets that are points of it.
 
-use super::{keys::KEYS, settings::Settings};
-use crate::model::quality::Quality;
+use super::{file::regular_text, keys::KEYS, settings::Settings};
+use crate::model::{path_text, quality::Quality};
 use crate::plan::front::{Front, Step};
 use serde::{Deserialize, Serialize};
-use std::{borrow::Cow, collections::BTreeMap, path::Path};
+use std::{borrow::Cow, collections::BTreeMap};
 
 /// What `quality.preset` may be.
 pub const PRESET_NAMES: [&str; 5] = ["none", "draft", "balanced", "fine", "reference"];
 
 /// The name of the front that comes with the program.
 pub const BUNDLED: &str = "bundled";
+
+/// Larger files are no fronts, bytes.
+const LARGEST_FRONT: u64 = 16 << 20;
 
 const BUNDLED_FRONT: &str = include_str!("front.json");
 
@@ -149,9 +152,7 @@ const GOVERNING: [&str; 5] =
 pub fn front(name: &str) -> Result<FrontFile, String> {
     let text = match name {
         BUNDLED => Cow::Borrowed(BUNDLED_FRONT),
-        file => Cow::Owned(
-            std::fs::read_to_string(Path::new(file)).map_err(|e| format!("{file}: cannot be read: {e}"))?,
-        ),
+        file => Cow::Owned(regular_text(&path_text::to_path(file), LARGEST_FRONT)?),
     };
     FrontFile::parse(&text).map_err(|e| format!("{name}: {e}"))
 }

@@ -1,7 +1,7 @@
 //! From settings as typed to settings as meant: all mistakes at once, bad never replaces good.
 
 use super::{
-    file::{TypedKey, TypedSettings},
+    file::{self, TypedKey, TypedSettings},
     keys::{KEYS, Key},
     presets,
     settings::Settings,
@@ -39,6 +39,23 @@ pub fn resolve(name: &str, typed: &TypedSettings, base: &Settings) -> Result<Set
     if errors.is_empty() { Ok(settings) } else { Err(ConfigErrors(errors)) }
 }
 
+/// One line `KEY=VALUE` over other settings, as `--set` has it. A value that is no TOML is taken as a text:
+/// `quality.rung=hybrid`.
+///
+/// # Errors
+/// Every mistake in it.
+pub fn over(line: &str, base: &Settings) -> Result<Settings, String> {
+    let typed = file::parse(line).or_else(|first| {
+        let (key, value) = line.split_once('=').ok_or_else(|| first.clone())?;
+        file::parse(&format!("{key} = {}", toml::Value::String(value.trim().to_owned()))).map_err(|_| first)
+    });
+    let typed = typed.map_err(|e| format!("--set {line}: {e}"))?;
+    if typed.keys.is_empty() {
+        return Err(format!("--set {line}: must be KEY=VALUE, e.g. quality.rung=hybrid"));
+    }
+    resolve("--set", &typed, base).map_err(|e| e.to_string())
+}
+
 /// `file:line:column`, as compilers say it.
 fn placed(name: &str, key: &TypedKey) -> String {
     match key.place {
@@ -64,7 +81,6 @@ fn unknown(name: &str, key: &TypedKey) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::file;
     use super::*;
 
     fn resolve_text(text: &str) -> Result<Settings, ConfigErrors> {

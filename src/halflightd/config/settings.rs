@@ -55,6 +55,8 @@ pub struct Settings {
     pub scene_file: String,
     /// `output.pictures`; empty = none.
     pub pictures_folder: String,
+    /// `cache.max_mib`
+    pub cache_max_mib: u64,
     /// `quality.preset`; what it sets is in `quality` already.
     pub preset: String,
     /// `quality.front`
@@ -135,6 +137,7 @@ impl Default for Settings {
             hud: false,
             scene_file: String::new(),
             pictures_folder: String::new(),
+            cache_max_mib: 2048,
             preset: "none".into(),
             front: "bundled".into(),
             budget_ms: None,

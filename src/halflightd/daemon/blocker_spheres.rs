@@ -1,6 +1,9 @@
 //! Gives the bodies of a scene the spheres that stand for them, showing progress where somebody looks.
 
-use super::{cache_folder::cache_folder, host::Progress};
+use super::{
+    cache_folder::{self, cache_folder},
+    host::Progress,
+};
 use crate::assets::spheres;
 use crate::model::scene::Scene;
 
@@ -17,6 +20,7 @@ pub fn fit(scene: &mut Scene, count: usize, progress: &dyn Progress) {
         scene.figures.iter_mut().for_each(|figure| figure.sphere_count = count.clamp(4, 64));
     }
     spheres::fit_scene(scene, cache_folder().as_deref(), &mut progress);
+    cache_folder::tidy();
     for (figure, asked) in scene.figures.iter_mut().zip(asked) {
         figure.sphere_count = asked;
     }

@@ -1,4 +1,4 @@
-//! Which engine computes.
+//! Which engine computes, and which packages it comes with.
 
 use crate::config::settings::{BackendKind, EngineKind};
 use crate::engine::{
@@ -25,8 +25,31 @@ pub fn open(
                 BackendKind::Vulkan => Some(Backend::Vulkan),
                 BackendKind::Gl => Some(Backend::Gl),
             };
-            let engine = GpuEngine::new(backend)?.with_timings(timings);
+            let engine = gpu(backend)?.with_timings(timings);
             Ok(Box::new(engine.with_cpu_kernels(cpu_kernels)?))
         }
     }
+}
+
+/// Opens the GPU. Where there is no adapter, the packages of Debian that bring a driver are named.
+///
+/// # Errors
+/// There is none, or it cannot do the work.
+pub fn gpu(backend: Option<Backend>) -> Result<GpuEngine, EngineError> {
+    GpuEngine::new(backend).map_err(|error| match error {
+        EngineError::NoAdapter(why) => EngineError::NoAdapter(format!("{why}; {}", packages(backend))),
+        other => other,
+    })
+}
+
+/// What to install where a driver is missing.
+fn packages(backend: Option<Backend>) -> String {
+    const VULKAN: &str = "libvulkan1 mesa-vulkan-drivers";
+    const GL: &str = "libegl1 libegl-mesa0 libgles2 libgl1-mesa-dri";
+    let names = match backend {
+        Some(Backend::Vulkan) => VULKAN.to_owned(),
+        Some(Backend::Gl) => GL.to_owned(),
+        None => format!("{VULKAN}, or {GL}"),
+    };
+    format!("on Debian the driver is in {names}")
 }

@@ -1,6 +1,9 @@
 //! Makes the known room of a scene ready, showing progress where somebody looks.
 
-use super::{cache_folder::cache_folder, host::Host};
+use super::{
+    cache_folder::{self, cache_folder},
+    host::Host,
+};
 use crate::assets::{error::AssetError, known_room::make_ready_with, scene::SceneFile};
 use crate::model::scene::Scene;
 use crate::nearfield::prepare::KnownRoom;
@@ -21,6 +24,7 @@ pub fn of_scene(
     let progress = |share: f32| task.reach(share);
     let ready = make_ready_with(source, None, cache.as_deref(), host.readers, &progress)?;
     drop(task);
+    cache_folder::tidy();
     for note in &ready.notes {
         tracing::warn!("{}: {note}", source.file.display());
     }

@@ -1,7 +1,7 @@
-//! Where the daemon's pictures go: a display, and a folder that takes every shown picture as PNG.
+//! Where the daemon's pictures go: a display, a folder with every shown picture, or one file with the newest.
 
-use crate::assets::pictures;
-use crate::model::picture::Picture;
+use crate::assets::{error::AssetError, pictures};
+use crate::model::{path_text, picture::Picture};
 use crate::pipeline::{
     PipelineError,
     schedule::Rhythm,
@@ -9,10 +9,17 @@ use crate::pipeline::{
     turns::{FinishedFrame, FrameSink},
 };
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
-/// Writes `frame_000123.png` for every shown picture; without a folder, nothing.
+/// The newest picture is written so often at most.
+const NEWEST_EVERY: Duration = Duration::from_millis(500);
+
+/// Writes `frame_000123.png` for every shown picture; without a folder, nothing. A folder that goes away or a disk that is
+/// full does not stop anything: what cannot be written is left out, which is said once.
 pub struct PictureFolder {
     folder: Option<PathBuf>,
+    /// The newest picture, replaced as pictures come.
+    newest: Option<(PathBuf, Option<Instant>)>,
     /// Pictures in a row that could not be written.
     failures: u64,
 }
@@ -21,32 +28,51 @@ impl PictureFolder {
     /// Makes the folder; an empty name means none.
     pub fn new(name: &str) -> Result<Self, PipelineError> {
         if name.is_empty() {
-            return Ok(Self { folder: None, failures: 0 });
+            return Ok(Self { folder: None, newest: None, failures: 0 });
         }
-        let folder = PathBuf::from(name);
+        let folder = path_text::to_path(name);
         std::fs::create_dir_all(&folder).map_err(|e| {
-            PipelineError::Output(format!("output.pictures = \"{name}\": cannot be made: {e}"))
+            PipelineError::Setup(format!("output.pictures = \"{name}\": cannot be made: {e}"))
         })?;
-        Ok(Self { folder: Some(folder), failures: 0 })
+        Ok(Self { folder: Some(folder), newest: None, failures: 0 })
+    }
+
+    /// One file with the newest picture.
+    pub fn newest(file: PathBuf) -> Self {
+        Self { folder: None, newest: Some((file, None)), failures: 0 }
+    }
+
+    fn note(&mut self, written: Result<(), AssetError>) {
+        match written {
+            Ok(()) if self.failures > 0 => {
+                tracing::info!("pictures are written again; {} were left out", self.failures);
+                self.failures = 0;
+            }
+            Ok(()) => {}
+            Err(error) => {
+                if self.failures == 0 {
+                    tracing::warn!("pictures are left out until they can be written: {error}");
+                }
+                self.failures += 1;
+            }
+        }
     }
 }
 
 impl FrameSink for PictureFolder {
-    /// A disk that is full may have room again: what cannot be written is left out.
     fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
         let sequence = finished.raw.sequence;
         tracing::debug!(sequence, shown = ?finished.outcome.shown, "frame");
         if let Some(folder) = &self.folder {
             let path = folder.join(format!("frame_{sequence:06}.png"));
-            match pictures::save_png(&path, &finished.picture.display) {
-                Ok(()) => self.failures = 0,
-                Err(error) => {
-                    if self.failures.is_multiple_of(100) {
-                        tracing::warn!("left out: {error}");
-                    }
-                    self.failures += 1;
-                }
-            }
+            self.note(pictures::save_png(&path, &finished.picture.display));
+        }
+        if let Some((file, last)) = &mut self.newest
+            && last.is_none_or(|last| last.elapsed() >= NEWEST_EVERY)
+        {
+            *last = Some(Instant::now());
+            let written = pictures::save_png(file, &finished.picture.display);
+            self.note(written);
         }
         Ok(true)
     }

@@ -1,14 +1,14 @@
 //! From settings to a pipeline that is ready: one function for each thing that is opened.
 
-use super::{dress, engines, governing::governor_of, host::Host, known_room};
+use super::{cache_folder, dress, engines, governing::governor_of, host::Host, known_room};
 use crate::assets::scene::{self as scene_file, SceneFile};
 use crate::config::settings::{GrayWeights, Settings};
 use crate::device::{DeviceError, FrameSource, ImuSource, clock::MonotonicClock, open};
 use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
-use crate::model::{frame::Exposure, response::Response, rig::Rig, scene::Scene};
+use crate::model::{frame::Exposure, path_text, response::Response, rig::Rig, scene::Scene};
 use crate::nearfield::prepare::KnownRoom;
 use crate::pipeline::{Options, Pipeline, PipelineError, engine_in_use::StandIn};
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 /// A pipeline with the sources that feed it.
 pub struct Prepared {
@@ -52,6 +52,7 @@ pub fn prepare_with(
     settings: &Settings,
     host: &Host<'_>,
 ) -> Result<Prepared, PipelineError> {
+    cache_folder::bound_to(settings.cache_max_mib);
     let response = response_of(settings, camera.frames.as_ref())?;
     let OpenedScene { scene, rig, room } = open_scene(settings, camera.frames.rig(), host)?;
     let engine = open_engine(settings, &scene, room.as_ref())?;
@@ -87,7 +88,7 @@ fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response
             Response::srgb()
         })),
         "srgb" => Ok(Response::srgb()),
-        file => crate::assets::response::load(Path::new(file)).map_err(setup),
+        file => crate::assets::response::load(&path_text::to_path(file)).map_err(setup),
     }
 }
 
@@ -112,7 +113,7 @@ fn open_scene(settings: &Settings, rig: Option<Rig>, host: &Host<'_>) -> Result<
 
 fn scene_file_of(settings: &Settings) -> Result<Option<SceneFile>, PipelineError> {
     let name = &settings.scene_file;
-    (!name.is_empty()).then(|| scene_file::load(Path::new(name)).map_err(setup)).transpose()
+    (!name.is_empty()).then(|| scene_file::load(&path_text::to_path(name)).map_err(setup)).transpose()
 }
 
 /// Opens the engine of the settings and gives it room and scene.

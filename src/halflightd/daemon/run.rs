@@ -5,8 +5,8 @@ use super::{
     host::Host,
     picture_folder::{DaemonSink, PictureFolder},
     prepare::{OpenedCamera, Prepared, open_camera, prepare_with},
-    settings_thread::{LiveSettings, SettingsThread, Wishes},
-    stop_signals::StopSignals,
+    settings_thread::{Asks, LiveSettings, SettingsThread, Wishes},
+    stop_signals::{Asked, StopSignals},
     watchdog::{DEFAULT_PERIOD_S, Watchdog},
 };
 use crate::config::settings::{RunMode, Settings};
@@ -26,6 +26,7 @@ use crate::pipeline::{
     turns::{self, FrameSink, RunCounts},
 };
 use crate::plan::FramePlan;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use super::settings_thread::FollowedFile;
@@ -132,27 +133,49 @@ fn imu_opener(
     }
 }
 
+/// What is told of a run that has ended.
+pub fn tell_ended(counts: &RunCounts) {
+    tracing::info!(
+        frames = counts.frames,
+        lost_by_source = counts.lost_by_source,
+        passed_over = counts.passed_over,
+        passed_through = counts.passed_through,
+        held = counts.held,
+        devices_lost = counts.devices_lost,
+        "ended"
+    );
+}
+
 /// The whole daemon: settings in, run to the end, or until the process is asked to stop. A camera that is not there yet is
-/// waited for.
-pub fn run_daemon(settings: &Settings, file: Option<FollowedFile>) -> Result<RunCounts, PipelineError> {
-    let setup = |what: &str, e: std::io::Error| PipelineError::Setup(format!("{what}: {e}"));
+/// waited for. Where the settings name no folder for pictures, `newest` is a file for the newest one.
+pub fn run_daemon(
+    settings: &Settings,
+    file: Option<FollowedFile>,
+    newest: Option<PathBuf>,
+) -> Result<RunCounts, PipelineError> {
+    let system = |what: &str, e: std::io::Error| PipelineError::Output(format!("{what}: {e}"));
     let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::default());
-    let folder = PictureFolder::new(&settings.pictures_folder)?;
-    let inbox = Arc::<Inbox>::default();
-    let _signals = StopSignals::follow(Arc::clone(&inbox)).map_err(|e| setup("signals", e))?;
-    let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| setup("the watchdog", e))?;
+    let (inbox, asked) = (Arc::<Inbox>::default(), Asked::default());
+    let _signals = StopSignals::follow(Arc::clone(&inbox), &asked, || tell_ended(&RunCounts::default()))
+        .map_err(|e| system("signals", e))?;
+    let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| system("the watchdog", e))?;
+    let folder = match newest {
+        Some(file) if settings.pictures_folder.is_empty() => PictureFolder::newest(file),
+        _ => PictureFolder::new(&settings.pictures_folder)?,
+    };
     let camera = wait_for_camera(&inbox, clock.as_ref(), || open_camera(settings))?;
     let Some(camera) = camera else { return Ok(RunCounts::default()) };
     let mut prepared = prepare_with(camera, settings, &Host::default())?;
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
     let live = LiveSettings::new(settings, Arc::clone(prepared.pipeline.scene()), &prepared.cycle);
     let wishes = Arc::new(Wishes::new(settings));
-    let _follows =
-        SettingsThread::start(file, Arc::clone(&wishes), live, Arc::clone(&inbox), Arc::clone(&clock))
-            .map_err(|e| setup("the thread that follows the settings", e))?;
+    let asks = Asks { wishes: Arc::clone(&wishes), read_again: Arc::clone(&asked.read_again) };
+    let _follows = SettingsThread::start(file, asks, live, Arc::clone(&inbox), Arc::clone(&clock))
+        .map_err(|e| system("the thread that follows the settings", e))?;
     let (screen, attached) = attach(settings, &inbox, &clock, wishes)?;
     let mut sink = DaemonSink { folder, screen, is_see_through: settings.is_see_through };
     tracing::info!(camera = settings.camera, engine = prepared.engine, "running");
+    asked.loop_begins();
     let ran = run_from(inbox, prepared, settings, &mut sink);
     for stopped in stop_all(attached) {
         if stopped == Stopped::Abandoned {

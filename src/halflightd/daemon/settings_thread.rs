@@ -7,7 +7,10 @@ use crate::device::{Clock, Signal};
 use crate::model::{frame::Exposure, scene::Scene};
 use crate::pipeline::{Change, GovernorChange, inbox::Inbox};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{
+    Arc, Mutex, MutexGuard, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
 use std::thread::JoinHandle;
 
 /// The file is looked at so often, seconds.
@@ -120,6 +123,14 @@ pub struct FollowedFile {
 /// Whoever drops the thread's handle waits for it so long, seconds: bodies that are being dressed then are left to it.
 const LONGEST_STOP_S: f64 = 0.5;
 
+/// What others ask of the thread.
+pub struct Asks {
+    /// Other settings.
+    pub wishes: Arc<Wishes>,
+    /// The file is to be read again, changed or not. The thread takes it back.
+    pub read_again: Arc<AtomicBool>,
+}
+
 /// The thread that follows the settings file and grants wishes.
 pub struct SettingsThread {
     clock: Arc<dyn Clock>,
@@ -135,17 +146,23 @@ impl SettingsThread {
     /// The system does not give a thread.
     pub fn start(
         file: Option<FollowedFile>,
-        wishes: Arc<Wishes>,
+        asks: Asks,
         mut live: LiveSettings,
         inbox: Arc<Inbox>,
         clock: Arc<dyn Clock>,
     ) -> std::io::Result<Self> {
         let mut file = file.map(|file| (Watcher::new(&file.path, &file.content), file.read));
+        let Asks { wishes, read_again } = asks;
         let (stop, done) = (Signal::default(), Signal::default());
         let (is_stopped, is_done, theirs) = (stop.clone(), done.clone(), Arc::clone(&clock));
         let follow = move || {
             while !theirs.wait_or(theirs.now().plus_seconds(LOOK_EVERY_S), &is_stopped) {
+                let is_asked = read_again.swap(false, Ordering::SeqCst);
                 let content = file.as_mut().and_then(|(watcher, read)| {
+                    if is_asked {
+                        tracing::info!("the settings are read again");
+                        watcher.read_again();
+                    }
                     let content = watcher.look(theirs.now())?;
                     read(content).inspect_err(|e| tracing::warn!("settings stay as they are: {e}")).ok()
                 });

@@ -1,6 +1,9 @@
 //! Gives a scene its precomputed transfer, showing progress where somebody looks.
 
-use super::{cache_folder::cache_folder, host::Progress};
+use super::{
+    cache_folder::{self, cache_folder},
+    host::Progress,
+};
 use crate::assets::transfer;
 use crate::model::{
     quality::{Quality, SelfShadow},
@@ -19,6 +22,7 @@ pub fn bake(scene: &mut Scene, quality: &Quality, progress: &dyn Progress) {
     let progress = |share: f32| task.reach(share);
     let folder = cache_folder();
     let baked = transfer::of_scene(scene, quality.sh_order, DEFAULT_RAYS, folder.as_deref(), &progress);
+    cache_folder::tidy();
     let numbers = |o: &ObjectTransfer| o.rows.len() + o.blocked.len();
     let bytes: usize = baked.objects.iter().flatten().map(numbers).sum::<usize>() * 2;
     scene.transfer = Some(Arc::new(baked));

@@ -1,5 +1,6 @@
 //! Looks at the settings file: by content, once it has come to rest.
 
+use crate::config::file;
 use crate::model::time::Timestamp;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -7,13 +8,13 @@ use std::time::SystemTime;
 
 /// A file is read when nothing about it has changed for so long, seconds: whoever writes it is done then.
 const REST_S: f64 = 0.08;
-/// Larger files are no settings, bytes.
-const LARGEST: u64 = 1 << 20;
 
 /// What of a file changes when it is written or replaced, a symlink's target too.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct FileStamp {
     modified: Option<SystemTime>,
+    /// When anything about it changed last, seconds and nanoseconds: no writer can set it back.
+    changed: (i64, i64),
     length: u64,
     device: u64,
     inode: u64,
@@ -44,25 +45,41 @@ impl Watcher {
         }
     }
 
-    /// Looks at the file. Returns its content where that is another than was told last.
-    pub fn look(&mut self, now: Timestamp) -> Option<&str> {
-        let stamp = std::fs::metadata(&self.path).ok().map(|about| FileStamp {
+    /// The next look reads the file again when it is at rest, and tells its content even where it was told before.
+    pub fn read_again(&mut self) {
+        self.is_read = false;
+        self.told.clear();
+    }
+
+    fn stamp_now(&self) -> Option<FileStamp> {
+        let about = std::fs::metadata(&self.path).ok().filter(std::fs::Metadata::is_file)?;
+        Some(FileStamp {
             modified: about.modified().ok(),
+            changed: (about.ctime(), about.ctime_nsec()),
             length: about.len(),
             device: about.dev(),
             inode: about.ino(),
-        });
+        })
+    }
+
+    /// Looks at the file. Returns its content where that is another than was told last.
+    pub fn look(&mut self, now: Timestamp) -> Option<&str> {
+        let stamp = self.stamp_now();
         if stamp != self.stamp {
             (self.stamp, self.since, self.is_read) = (stamp, now, false);
         }
         let length = stamp?.length;
         let is_at_rest = now.seconds_since(self.since) >= REST_S;
-        if self.is_read || !is_at_rest || length == 0 || length > LARGEST {
+        if self.is_read || !is_at_rest || length == 0 {
             return None;
         }
         // A file that cannot be read now is looked at again.
-        let content = std::fs::read_to_string(&self.path).ok()?;
-        self.is_read = true;
+        let content = file::text(&self.path).ok()?;
+        // One that was written while it was read, too.
+        self.is_read = self.stamp_now() == stamp;
+        if !self.is_read {
+            return None;
+        }
         if content.is_empty() || content == self.told {
             return None;
         }

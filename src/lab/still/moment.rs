@@ -47,7 +47,7 @@ impl FrameSink for NewestFrame {
 }
 
 impl Moment {
-    /// The frame of that number, counted from 1, of `settings.camera`, in lockstep.
+    /// The frame of that number, counted from 0, of `settings.camera`, in lockstep.
     ///
     /// # Errors
     /// The recording or the scene cannot be opened; no pose or light is known there.
@@ -56,7 +56,7 @@ impl Moment {
         let mut prepared = prepare(&settings, host)?;
         let mut newest = NewestFrame::default();
         let mut events = Lockstep::new(Arc::default(), prepared.source, prepared.imu, ManualClock::default());
-        run_turns(&mut events, &mut prepared.pipeline, &mut newest, frame)?;
+        run_turns(&mut events, &mut prepared.pipeline, &mut newest, frame.saturating_add(1))?;
         let from = prepared.pipeline.drawn_from();
         let pose = newest.outcome.as_ref().and_then(|o| o.pose);
         let light = newest.outcome.as_ref().and_then(|o| o.light);

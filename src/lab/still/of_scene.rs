@@ -18,6 +18,7 @@ use crate::math::spiral;
 use crate::model::{
     image::HdrImage,
     light::{EnvironmentMap, HardLight, Lights, RadianceSh},
+    path_text,
     quality::Quality,
     response::Response,
     rig::MirrorBall,
@@ -26,7 +27,6 @@ use crate::model::{
 use crate::open_exr::load_radiance;
 use crate::present::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
-use std::path::Path;
 
 /// The still of a scene file. Lines for people (what was measured, what had to be guessed) go to `notes`.
 ///
@@ -186,7 +186,7 @@ fn choose_response(
             });
             Ok(solved.response)
         }
-        file => Ok(response::load(Path::new(file))?),
+        file => Ok(response::load(&path_text::to_path(file))?),
     }
 }
 

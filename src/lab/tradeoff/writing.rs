@@ -9,6 +9,7 @@ use super::{
     study::StudyResults,
     subject::StudySubject,
 };
+use crate::assets::whole;
 use crate::config::presets::{FrontFile, FrontPoint};
 use crate::error::LabError;
 use crate::page::html::escaped;
@@ -62,7 +63,7 @@ pub fn write(out: &Path, about: &About<'_>, results: &StudyResults) -> Result<Ve
     let mut names = Vec::new();
     for (name, text) in files {
         let file = out.join(name);
-        std::fs::write(&file, text).map_err(|e| LabError::on(file.display(), e))?;
+        whole::write(&file, text)?;
         names.push(file);
     }
     Ok(names)

@@ -1,7 +1,9 @@
 //! `--format`: the light as JSON, in our own shape and in those of other programs.
 
 use super::MeasuredPlace;
-use crate::light::foreign::{Phase, YUpLight, y_up_light};
+use crate::light::exported::without;
+use crate::light::foreign::{MainLight, Phase, YUpLight, nine_y_up, y_up_light};
+use crate::model::light::MAX_LIGHTS;
 use serde_json::{Value, json};
 
 /// Shapes of JSON.
@@ -11,11 +13,25 @@ pub enum LightFormat {
     Json,
     /// The structures of the OpenXR extension XR_ANDROID_light_estimation.
     AndroidXr,
-    /// An XRLightEstimate of WebXR.
+    /// An XRLightEstimate of WebXR, with the sign that three.js takes.
     Webxr,
+    /// The same with the sign that Chromium passes on, which Babylon.js takes.
+    Babylon,
     /// A scene that ObjectLoader of three.js reads.
     #[value(name = "threejs")]
     ThreeJs,
+}
+
+impl LightFormat {
+    /// Whether it is for other programs.
+    pub fn is_foreign(self) -> bool {
+        self != Self::Json
+    }
+
+    /// Directional lights that it holds at most.
+    pub fn most_lights(self) -> usize {
+        if self == Self::ThreeJs { MAX_LIGHTS } else { 1 }
+    }
 }
 
 /// The light in a shape.
@@ -25,17 +41,21 @@ pub fn of(measured: &MeasuredPlace, shape: LightFormat) -> Value {
         LightFormat::Json => own(measured),
         LightFormat::AndroidXr => android_xr(&y_up(Phase::CondonShortley), STILL_NS),
         LightFormat::Webxr => webxr(&y_up(Phase::Plain)),
-        LightFormat::ThreeJs => three_js(&y_up(Phase::Plain)),
+        LightFormat::Babylon => webxr(&y_up(Phase::CondonShortley)),
+        LightFormat::ThreeJs => three_js(measured),
     }
 }
 
 /// Time of a still, which has none.
 const STILL_NS: i64 = 0;
+/// The function of band 0, 1 / sqrt(4 pi).
+const BAND_0: f32 = 0.282_094_8;
 
 fn own(measured: &MeasuredPlace) -> Value {
     let direct = measured.split.direct;
     let flags = &measured.flags;
     json!({
+        "format": crate::cli::JSON_FORMAT,
         "order": measured.total.order,
         "sh_rgb": measured.total.rows(),
         "to_light": direct.map(|d| d.to_light_world),
@@ -55,8 +75,8 @@ fn vector([x, y, z]: [f32; 3]) -> Value {
     json!({ "x": x, "y": y, "z": z })
 }
 
-/// XrLightEstimateANDROID with what is chained to it. Without a main light its structure is invalid (its numbers then
-/// mean nothing) and the ambient light is all.
+/// XrLightEstimateANDROID with what is chained to it. Without a main light its intensity is 0 and it comes from straight
+/// above: Chromium drops the whole estimate where one of its structures is invalid.
 fn android_xr(light: &YUpLight, updated_ns: i64) -> Value {
     let state = |valid: bool| {
         let word = if valid { "VALID" } else { "INVALID" };
@@ -77,9 +97,15 @@ fn android_xr(light: &YUpLight, updated_ns: i64) -> Value {
             "lastUpdatedTime": updated_ns,
         },
         "XrDirectionalLightANDROID": {
-            "state": state(main.is_some()),
+            "state": state(true),
             "intensity": vector(main.map_or([0.0; 3], |m| m.irradiance_rgb)),
             "direction": vector(main.map_or([0.0, 1.0, 0.0], |m| m.to_light_y_up)),
+        },
+        // The mean radiance of the ambient light. It has its colour already: nothing is left to correct.
+        "XrAmbientLightANDROID": {
+            "state": state(finite(&light.ambient_rgb)),
+            "intensity": vector(light.ambient_rgb[0].map(|c| (c * BAND_0).max(0.0))),
+            "colorCorrection": vector([1.0; 3]),
         },
         "XrSphericalHarmonicsANDROID": [
             harmonics("TOTAL", &light.total_rgb),
@@ -100,30 +126,31 @@ fn webxr(light: &YUpLight) -> Value {
     })
 }
 
-/// A group that lights a scene of three.js: the probe, and the main light shining at the origin. three.js keeps colours
+/// A group that lights a scene of three.js: the probe, and directional lights shining at the origin. three.js keeps colours
 /// of lights in 8 bits through sRGB; the exact irradiance is in `userData`.
-fn three_js(light: &YUpLight) -> Value {
+fn three_js(measured: &MeasuredPlace) -> Value {
+    let ambient = nine_y_up(&without(&measured.total, &measured.lights), Phase::Plain);
     let mut children = vec![json!({
         "type": "LightProbe",
         "name": "ambient",
         "intensity": 1.0,
-        "sh": light.ambient_rgb.as_flattened(),
+        "sh": ambient.as_flattened(),
     })];
-    if let Some(main) = &light.main {
-        let strongest = main.irradiance_rgb.iter().fold(0.0f32, |most, &e| most.max(e));
-        let colour = main.irradiance_rgb.iter().fold(0u32, |hex, &e| {
+    for (index, light) in measured.lights.iter().map(MainLight::from).enumerate() {
+        let strongest = light.irradiance_rgb.iter().fold(0.0f32, |most, &e| most.max(e));
+        let colour = light.irradiance_rgb.iter().fold(0u32, |hex, &e| {
             let share = if strongest > 0.0 { (e / strongest).clamp(0.0, 1.0) } else { 1.0 };
             (hex << 8) | (255.0 * crate::math::color::srgb_encode(share)).round() as u32
         });
-        let [x, y, z] = main.to_light_y_up;
+        let [x, y, z] = light.to_light_y_up;
         children.push(json!({
             "type": "DirectionalLight",
-            "name": "main",
+            "name": if index == 0 { "main".to_owned() } else { format!("light {}", index + 1) },
             "color": colour,
             "intensity": strongest,
             // Column by column: only its place, which is what gives the direction.
             "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1],
-            "userData": { "irradiance_rgb": main.irradiance_rgb },
+            "userData": { "irradiance_rgb": light.irradiance_rgb },
         }));
     }
     json!({

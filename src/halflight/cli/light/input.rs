@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(seconds("0.025").unwrap(), 0.025);
         assert_eq!(seconds("1/40").unwrap(), 0.025);
         for wrong in ["", "0", "-1", "1/0", "nan", "1/x", "inf", "0/5"] {
-            assert!(seconds(wrong).unwrap_err().0.contains("--times"), "{wrong}");
+            assert!(seconds(wrong).unwrap_err().text.contains("--times"), "{wrong}");
         }
     }
 }

@@ -6,19 +6,23 @@ mod input;
 mod report;
 
 use super::output::OutputFormat;
-use super::{CliError, GlobalOptions};
+use super::{CliError, GlobalOptions, run_folder::need_folder_of};
 use crate::assets::dds;
 use crate::engine::{Engine, MeasuredLight};
 use crate::lab::open_exr::load_raw;
 use crate::light::{
     cone::cone_of_samples,
+    exported::{compact_lights, split_of},
     maps::{self, MapAxes, TexelPoint},
     project_sh::project_sh,
     split::{GRAY_PAPER, GRAY_REC709, SplitOptions, split},
 };
 use crate::model::{
     estimate::LightFlags,
-    light::{EnvironmentMap, MapLayout, RadianceSamples, RadianceSh, SplitLight},
+    light::{
+        DirectionalLight, EnvironmentMap, MAX_LIGHTS, MapLayout, RadianceSamples, RadianceSh, SplitLight,
+    },
+    quality::SplitKind,
 };
 use std::path::{Path, PathBuf};
 
@@ -37,13 +41,16 @@ with --times as one bracket.
 to_light, a unit vector or null; irradiance_rgb, of a surface that faces the light; residual_sh_rgb, what is left
 without it; cone95_rad, half angle of the cone that should hold the true direction (pi: unknown), from what had to be
 guessed; flags.
---format prints JSON for other programs, bands 0 to 2, y up (x, z, -y of ours), all coefficients of radiance:
-  android-xr  the structures of XR_ANDROID_light_estimation: SH with and without the main light, direction towards it,
-              intensity (irradiance of a surface that faces it); Condon-Shortley sign, as in the shaders published for
-              ARCore; lastUpdatedTime is 0 for a still
+--format prints JSON for other programs, bands 0 to 2, y up (x, z, -y of ours), all coefficients of radiance
+(docs/light-export.md). The split is that of --split: compact lights by default, and where none helps the main light is
+dark.
+  android-xr  the structures of XR_ANDROID_light_estimation: SH with and without the main light, ambient light,
+              direction towards the main light, intensity (irradiance of a surface that faces it); Condon-Shortley sign,
+              as in the shaders published for ARCore; lastUpdatedTime is 0 for a still
   webxr       an XRLightEstimate: 27 numbers without the main light, and that; no Condon-Shortley sign (the
               specification leaves it open; this is what three.js takes it for)
-  threejs     what ObjectLoader reads: a group of a LightProbe (without the main light) and a DirectionalLight
+  babylon     the same with Chromium's own sign, the one of android-xr, which Babylon.js takes
+  threejs     what ObjectLoader reads: a group of a LightProbe (without the lights) and up to four DirectionalLights
 
 Examples:
   halflight light sky.hdr --as equirect --order 4 --out sky.png
@@ -77,6 +84,10 @@ pub struct LightArguments {
     /// Print the light as JSON in this shape.
     #[arg(long, value_enum, value_name = "SHAPE")]
     pub format: Option<formats::LightFormat>,
+    /// How the light is split into directional lights and the rest: compact (lights found in the picture), paper or bounded
+    /// (one light by net flux), or sh (none) [default: compact with --format for other programs, else paper].
+    #[arg(long, value_name = "KIND")]
+    pub split: Option<String>,
     /// Rows of that picture; it has twice as many columns.
     #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub out_height: u16,
@@ -173,6 +184,8 @@ pub enum GrayChoice {
 pub struct MeasuredPlace {
     total: RadianceSh,
     split: SplitLight,
+    /// Directional lights, the brightest first; the split has the first of them.
+    lights: Vec<DirectionalLight>,
     cone95_rad: f64,
     anisotropy: f32,
     flags: LightFlags,
@@ -185,6 +198,11 @@ pub struct MeasuredPlace {
 pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let allowed = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
     let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
+    if let Some(out) = &arguments.out {
+        need_folder_of(out)?;
+    }
+    let shape = arguments.format.or(global.json.then_some(formats::LightFormat::Json));
+    let kind = split_kind(&arguments, shape)?;
     if !arguments.turn.is_finite() {
         return Err(CliError(format!("--turn = {}: must be finite, in degrees", arguments.turn)));
     }
@@ -204,9 +222,21 @@ pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliE
         GrayChoice::Rec709 => GRAY_REC709,
     };
     let options = SplitOptions { gray_weights, ..SplitOptions::default() };
+    let lights = match kind {
+        SplitKind::Compact => compact_lights(&samples, shape.map_or(MAX_LIGHTS, |shape| shape.most_lights())),
+        SplitKind::Sh => Vec::new(),
+        SplitKind::Paper | SplitKind::Bounded => {
+            let bounded = kind == SplitKind::Bounded;
+            split(&total, &SplitOptions { bounded, ..options }).direct.into_iter().collect()
+        }
+    };
     let measured = MeasuredPlace {
         total,
-        split: split(&total, &options),
+        split: match kind {
+            SplitKind::Paper => split(&total, &options),
+            _ => split_of(&total, &lights),
+        },
+        lights,
         cone95_rad: cone_of_samples(&samples, &total, &options),
         anisotropy: crate::light::split::dominant(total.rows(), gray_weights, options.least_anisotropy)
             .anisotropy,
@@ -215,7 +245,6 @@ pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliE
         notes,
     };
     let digest = report::picture(&arguments, global, format, &measured.samples)?;
-    let shape = arguments.format.or(global.json.then_some(formats::LightFormat::Json));
     match shape {
         Some(shape) => report::json(&measured, shape),
         None => report::text(&arguments, &measured),
@@ -227,6 +256,20 @@ pub fn run(arguments: LightArguments, global: &GlobalOptions) -> Result<(), CliE
         None => {}
     }
     Ok(())
+}
+
+/// Which split the light is told in.
+fn split_kind(
+    arguments: &LightArguments,
+    shape: Option<formats::LightFormat>,
+) -> Result<SplitKind, CliError> {
+    match &arguments.split {
+        Some(name) => SplitKind::from_name(name).ok_or_else(|| {
+            CliError(format!("--split = {name}: must be one of {}", SplitKind::NAMES.join(", ")))
+        }),
+        None if shape.is_some_and(formats::LightFormat::is_foreign) => Ok(SplitKind::Compact),
+        None => Ok(SplitKind::Paper),
+    }
 }
 
 /// Samples of an environment map, world frame.

@@ -5,17 +5,15 @@ mod report;
 mod sheet;
 pub mod statistics;
 
-use super::output::{make_folder, write_file};
+use super::global_options::put;
+use super::output::{camera_of, make_folder, write_file};
 use super::progress::{Bar, host};
-use super::{CliError, GlobalOptions, quality_flags::QualityFlags};
+use super::{CliError, GlobalOptions, quality_flags::QualityFlags, run_folder};
 use crate::assets::pictures;
-use crate::config::{
-    keys::KEYS,
-    settings::{RunMode, Settings},
-};
+use crate::config::settings::{RunMode, Settings};
 use crate::daemon::{prepare::prepare, run::run as run_prepared};
 use crate::lab::digest::PixelDigest;
-use crate::model::picture::Picture;
+use crate::model::{path_text, picture::Picture};
 use crate::pipeline::{
     PipelineError,
     turns::{FinishedFrame, FrameSink},
@@ -25,6 +23,7 @@ use film::Film;
 use report::ReplayReport;
 use sheet::ContactSheet;
 use statistics::FrameNumbers;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// The long form of the verb's help.
@@ -35,12 +34,16 @@ The folder then holds frames/*.png, contact_sheet.png, replay.mp4 (where ffmpeg 
 and index.html.\n\n\
 Example: halflight replay desk.mcap --scene desk.toml --out out";
 
+/// What a run leaves in its folder.
+const LEFT: [&str; 5] =
+    ["frames/frame_*.png", "contact_sheet.png", "replay.mp4", "report.json", "index.html"];
+
 /// Arguments of `halflight replay`.
 #[derive(clap::Args, Debug)]
 pub struct ReplayArguments {
     /// Recording (MCAP), or any device name such as synthetic:frames=30.
     #[arg(value_name = "REC")]
-    recording: String,
+    recording: OsString,
     /// Scene file with the virtual objects.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
@@ -82,8 +85,12 @@ pub struct ReplayArguments {
 /// Runs `halflight replay`.
 pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let settings = settings_of(&arguments, global)?;
+    if let Some(out) = &arguments.out {
+        run_folder::check(out, &LEFT)?;
+    }
     let prepared = prepare(&settings, &host())?;
     if let Some(out) = &arguments.out {
+        run_folder::begin(out, "replay", &LEFT)?;
         make_folder(&out.join("frames"))?;
     }
     let total = prepared.source.frames_left().map(|n| arguments.frames.map_or(n, |limit| limit.min(n)));
@@ -92,11 +99,11 @@ pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), Cli
     let ran = run_prepared(prepared, &settings, &mut sink)?;
     drop(sink.progress.take());
     if ran.counts.frames == 0 {
-        return Err(CliError::on(&arguments.recording, "holds no frames"));
+        return Err(CliError::on(arguments.recording.display(), "holds no frames"));
     }
     let has_film = sink.finish_film();
     let report = ReplayReport {
-        recording: arguments.recording.clone(),
+        recording: arguments.recording.to_string_lossy().into_owned(),
         engine,
         counts: ran.counts,
         frames: sink.numbers,
@@ -128,8 +135,7 @@ pub fn run(arguments: ReplayArguments, global: &GlobalOptions) -> Result<(), Cli
 
 fn settings_of(arguments: &ReplayArguments, global: &GlobalOptions) -> Result<Settings, CliError> {
     let mut settings = global.settings(arguments.config.as_deref())?;
-    let name = &arguments.recording;
-    settings.camera = if name.contains(':') { name.clone() } else { format!("replay:{name}") };
+    settings.camera = camera_of(&arguments.recording);
     settings.mode = if arguments.realtime { RunMode::Realtime } else { RunMode::Lockstep };
     if let Some(frames) = arguments.frames {
         settings.frames = frames;
@@ -139,7 +145,7 @@ fn settings_of(arguments: &ReplayArguments, global: &GlobalOptions) -> Result<Se
         settings.view = super::render::view_named(view)?;
     }
     if let Some(scene) = &arguments.scene {
-        settings.scene_file = scene.display().to_string();
+        settings.scene_file = path_text::to_text(scene);
     }
     arguments.quality.apply(&mut settings)?;
     for (flag, key, value) in [
@@ -147,11 +153,9 @@ fn settings_of(arguments: &ReplayArguments, global: &GlobalOptions) -> Result<Se
         ("--target-fps", "quality.target_fps", arguments.target_fps),
         ("--max-error", "quality.max_error", arguments.max_error),
     ] {
-        let (Some(value), Some(key)) = (value, KEYS.iter().find(|k| k.name == key)) else { continue };
-        if !key.range.admits(&value.into()) {
-            return Err(CliError(format!("{flag} = {value}: must be {} {}", key.range.describe(), key.unit)));
+        if let Some(value) = value {
+            put(flag, key, &value.into(), &mut settings)?;
         }
-        (key.write)(&mut settings, &value.into());
     }
     Ok(settings)
 }

@@ -64,6 +64,7 @@ impl ReplayReport {
             passes.iter().map(|p| json!({ "pass": p.pass.name(), "reason": p.reason })).collect()
         };
         json!({
+            "format": crate::cli::JSON_FORMAT,
             "recording": self.recording,
             "engine": self.engine,
             "frames": self.counts.frames,

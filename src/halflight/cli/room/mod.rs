@@ -2,16 +2,19 @@
 
 mod panorama;
 
-use super::output::{make_folder, say, say_digest, write_file};
+use super::output::{say, say_digest, write_file};
 use super::progress::{Bar, host};
 use super::render::is_scene_file;
-use super::{CliError, GlobalOptions};
+use super::{CliError, GlobalOptions, run_folder};
 use crate::assets::{
     known_room::{ReadyRoom, make_ready_with},
     pictures,
     scene::{self, RoomLightSource, RoomSource},
 };
-use crate::daemon::{cache_folder::cache_folder, host::Task};
+use crate::daemon::{
+    cache_folder::{self, cache_folder},
+    host::Task,
+};
 use crate::lab::digest::PixelDigest;
 use crate::lab::{case, open_exr::load_radiance};
 use crate::model::{image::RadianceImage, light::MapLayout};
@@ -38,6 +41,9 @@ to +x, left of it is +y. Patch edges are drawn.
   room.json        patches, sources, what is left out at most, memory, time, suns
 
 Example: halflight room room.glb --probe room.hdr --at 0,0,0.4 --patch 0.2 --out room/";
+
+/// What a run leaves in its folder.
+const LEFT: [&str; 5] = ["radiance.png", "gathered.png", "reflectance.png", "known.png", "room.json"];
 
 /// Arguments of `halflight room`.
 #[derive(clap::Args, Debug)]
@@ -107,6 +113,7 @@ pub fn run(arguments: RoomArguments, global: &GlobalOptions) -> Result<(), CliEr
         return Err(CliError::on("--rows", format!("must be within 64..=4096, was {}", arguments.rows)));
     }
     let source = source_of(&arguments)?;
+    run_folder::check(&arguments.out, &LEFT)?;
     let photograph = photograph_of(&arguments)?;
     let camera = photograph.as_ref().map(|(radiance, lens, pose)| CameraPicture {
         radiance,
@@ -119,13 +126,14 @@ pub fn run(arguments: RoomArguments, global: &GlobalOptions) -> Result<(), CliEr
     let progress = |share: f32| bar.reach(share);
     let ready = make_ready_with(&source, camera.as_ref(), cache.as_deref(), host().readers, &progress)?;
     drop(bar);
+    cache_folder::tidy();
     let seconds = begun.elapsed().as_secs_f64();
-    make_folder(&arguments.out)?;
     let from = match (&arguments.from, &source.light) {
         (Some(text), _) => point(text, "--from")?,
         (None, RoomLightSource::Probe { position_world, .. }) => *position_world,
         (None, RoomLightSource::Given) => middle(&ready.known),
     };
+    run_folder::begin(&arguments.out, "room", &LEFT)?;
     let digest = draw(&arguments, &ready.known, from, camera.is_some())?;
     let text = serde_json::to_string_pretty(&report(&ready, seconds))?;
     write_file(&arguments.out.join("room.json"), &text)?;
@@ -266,6 +274,7 @@ fn report(ready: &ReadyRoom, seconds: f64) -> Value {
         })
     });
     json!({
+        "format": super::JSON_FORMAT,
         "seconds": seconds,
         "from_cache": ready.from_cache,
         "area_m2": known.report.area_m2,

@@ -60,7 +60,8 @@ pub fn run(arguments: SpheresArguments, global: &GlobalOptions) -> Result<(), Cl
         AssetError::new(&arguments.model, "triangles with an area").value(0).allowed("at least 1")
     })?;
     let bound = spheres::bound(&fit, figure, objects);
-    let json = spheres::to_json(figure, &fit, &bound);
+    let mut json = spheres::to_json(figure, &fit, &bound);
+    json["format"] = super::JSON_FORMAT.into();
     let text = serde_json::to_string_pretty(&json)?;
     if let Some(out) = &arguments.out {
         write_file(out, &text)?;
