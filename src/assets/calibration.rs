@@ -5,9 +5,11 @@
 //! loaded projects into our continuous pixels.
 
 use super::error::{AssetError, read_file};
+use super::pictures::MAX_PIXELS;
 use crate::math::lens::{Distortion, Lens};
+use crate::model::limits::{MAX_LENS_PX, MAX_SIDE, MIN_FOCAL_PX};
 use std::path::{Path, PathBuf};
-use yaml_rust2::{Yaml, YamlLoader};
+use yaml_rust2::{Event, ScanError, Yaml, YamlLoader, parser::Parser};
 
 /// What turns an index of pixel centres into a continuous coordinate.
 const CENTRE_PX: f64 = 0.5;
@@ -15,8 +17,6 @@ const CENTRE_PX: f64 = 0.5;
 const MAX_BYTES: usize = 1 << 20;
 /// Deepest nesting, so that a hostile file cannot exhaust the stack.
 const MAX_DEPTH: usize = 32;
-/// Longest run of indentation and list dashes before a line's text, for the same reason.
-const MAX_INDENT: usize = 64;
 
 /// Key of a camera matrix, and keys under which its distortion may stand.
 const PAIRS: [(&str, &[&str]); 16] = [
@@ -107,31 +107,36 @@ pub fn parse(bytes: &[u8], name: Option<&str>, path: &Path) -> Result<Lens, Asse
     camera.lens(path)
 }
 
-/// Refuses what could exhaust stack or memory in any YAML reader: deep nesting, and aliases (which multiply).
+/// Refuses what could exhaust stack or memory: deep nesting, and anchors and aliases (which multiply). The text goes through the
+/// parser's own events, so that quotes and comments are what the parser takes them for; events nest in no recursion.
 fn check_shape(text: &str, path: &Path) -> Result<(), AssetError> {
-    let (mut depth, mut anchors, mut aliases) = (0usize, false, false);
-    for line in text.lines().filter(|line| !line.trim_start().starts_with('#')) {
-        let indent = line.chars().take_while(|c| " \t-?:".contains(*c)).count();
-        for c in line.chars() {
-            match c {
-                '[' | '{' => depth += 1,
-                ']' | '}' => depth = depth.saturating_sub(1),
-                '&' => anchors = true,
-                '*' => aliases = true,
-                _ => {}
+    let failed = |e: ScanError| AssetError::new(path, "YAML").cause(e.to_string());
+    let mut parser = Parser::new_from_str(text);
+    let mut depth = 0usize;
+    loop {
+        let (event, mark) = parser.next_token().map_err(failed)?;
+        let has_anchor = match event {
+            Event::StreamEnd => return Ok(()),
+            Event::Alias(_) => true,
+            Event::SequenceStart(anchor, _) | Event::MappingStart(anchor, _) => {
+                depth += 1;
+                anchor > 0
             }
-            if depth > MAX_DEPTH {
-                return Err(AssetError::new(path, "nesting").allowed("at most 32 levels deep"));
+            Event::Scalar(_, _, anchor, _) => anchor > 0,
+            Event::SequenceEnd | Event::MappingEnd => {
+                depth = depth.saturating_sub(1);
+                false
             }
+            _ => false,
+        };
+        let place = || format!("YAML, line {}", mark.line());
+        if has_anchor {
+            return Err(AssetError::new(path, place()).value("an anchor or alias").allowed("written out"));
         }
-        if indent > MAX_INDENT {
-            return Err(AssetError::new(path, "indentation").value(indent).allowed("at most 64 columns"));
+        if depth > MAX_DEPTH {
+            return Err(AssetError::new(path, place()).value("nesting").allowed("at most 32 levels deep"));
         }
     }
-    if anchors && aliases {
-        return Err(AssetError::new(path, "YAML anchors and aliases").allowed("written out"));
-    }
-    Ok(())
 }
 
 /// One camera of a file.
@@ -209,8 +214,17 @@ impl CameraEntry<'_> {
         };
         let [fx, skew, cx, zero_a, fy, cy, zero_b, zero_c, one] = k;
         for (what, focal) in [("[0][0] (fx)", fx), ("[1][1] (fy)", fy)] {
-            if focal <= 0.0 {
-                return Err(error(&format!("{}{what}", self.key)).value(focal).allowed("above 0 pixels"));
+            if !(MIN_FOCAL_PX..=MAX_LENS_PX).contains(&focal) {
+                return Err(error(&format!("{}{what}", self.key))
+                    .value(focal)
+                    .allowed(format!("{MIN_FOCAL_PX} to {MAX_LENS_PX} pixels")));
+            }
+        }
+        for (what, centre) in [("[0][2] (cx)", cx), ("[1][2] (cy)", cy)] {
+            if centre.abs() > MAX_LENS_PX {
+                return Err(error(&format!("{}{what}", self.key))
+                    .value(centre)
+                    .allowed(format!("within {MAX_LENS_PX} pixels of 0")));
             }
         }
         if skew.abs() > 1e-4 * fx {
@@ -265,11 +279,11 @@ impl CameraEntry<'_> {
         for (side, keys) in sides.iter_mut().zip([["image_width", "width"], ["image_height", "height"]]) {
             if let Some((key, value)) = get_any(self.holder, &keys) {
                 *side = number(value)
-                    .filter(|x| x.fract() == 0.0 && (1.0..=65_535.0).contains(x))
+                    .filter(|x| x.fract() == 0.0 && (1.0..=MAX_SIDE as f64).contains(x))
                     .ok_or_else(|| {
                         AssetError::new(path, self.path_of(key))
                             .value(shown(value))
-                            .allowed("a whole number of pixels within 1..=65535")
+                            .allowed(format!("a whole number of pixels within 1..={MAX_SIDE}"))
                     })? as u32;
             }
         }
@@ -278,6 +292,12 @@ impl CameraEntry<'_> {
             [0, _] | [_, 0] => Err(AssetError::new(path, self.path_of("image_width, image_height"))
                 .value("only one of them")
                 .allowed("both or neither")),
+            // That of pictures, which may be larger than what is drawn.
+            [width, height] if width as usize * height as usize > MAX_PIXELS => {
+                Err(AssetError::new(path, self.path_of("image_width x image_height"))
+                    .value(format!("{width} x {height}"))
+                    .allowed(format!("at most {MAX_PIXELS} pixels")))
+            }
             [width, height] => Ok((width, height)),
         }
     }
@@ -447,7 +467,7 @@ b:
     #[test]
     fn mistakes_are_named() {
         for (from, to, want) in [
-            ("5.35e+02", "-3", "cam.yml: camera_matrix[0][0] (fx) = -3: must be above 0 pixels"),
+            ("5.35e+02", "-3", "cam.yml: camera_matrix[0][0] (fx) = -3: must be 0.001 to 1000000 pixels"),
             ("5.35e+02", "x", "cam.yml: camera_matrix.data[0] = x: must be a finite number"),
             ("5.35e+02", ".inf", "cam.yml: camera_matrix.data[0] = .inf: must be a finite number"),
             ("5.35e+02, 0.,", "5.35e+02, 7,", "cam.yml: camera_matrix[0][1] (skew) = 7: must be 0"),
@@ -456,12 +476,12 @@ b:
             ("image_width: 640", "image_width: 0", "image_width = 0: must be a whole number of pixels"),
             ("image_width: 640", "n: 3", "image_width, image_height = only one of them: must be both"),
             ("camera_matrix:", "matrix:", "camera matrix = none: must be a mapping with camera_matrix"),
-            ("5.35e+02, 0.,", "5.35e+02, *a, &b", "YAML anchors and aliases: must be written out"),
+            ("5.35e+02, 0.,", "5.35e+02, &b 0.,", "YAML, line 7 = an anchor or alias: must be written out"),
             ("[ 5.35", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ 5.35", "nesting: must be at most 32 levels deep"),
             (
                 "---",
                 "- - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - -",
-                "indentation = ",
+                "nesting: must be at most 32",
             ),
             ("data: [", "data: {", "YAML"),
         ] {

@@ -9,6 +9,7 @@ pub mod error;
 pub mod gltf;
 pub mod kept;
 pub mod known_room;
+mod names;
 pub mod near_word;
 pub mod normals;
 pub mod obj;

@@ -26,7 +26,14 @@ pub fn parse(file: &Path, text: &str) -> Result<Response, AssetError> {
     for (table, row) in tables.iter_mut().zip(&rows) {
         table.copy_from_slice(row);
     }
-    Response::new(tables).ok_or_else(refuse)
+    Response::checked(tables).map_err(|bad| {
+        AssetError::new(file, format!("log_exposure_rgb[{}][{}]", bad.channel, bad.value))
+            .value(bad.found)
+            .allowed(match bad.found.is_finite() {
+                true => format!("at least {}, the number before it: a response never falls", bad.before),
+                false => "a finite number".to_owned(),
+            })
+    })
 }
 
 /// As JSON; `parse` gives the same response back.
@@ -51,6 +58,11 @@ mod tests {
         let text = to_json(&Response::srgb()).replacen("0.0,", "-9.0,", 1).replacen("0.0]", "-99.0]", 1);
         let error = parse(Path::new("r.json"), &text).unwrap_err().to_string();
         assert!(error.contains("r.json") && error.contains("log_exposure_rgb"), "{error}");
+        let mut tables = *Response::srgb().log_exposure();
+        tables[2][77] = -3.5;
+        let text = serde_json::json!({ "log_exposure_rgb": tables.map(|g| g.to_vec()) }).to_string();
+        let error = parse(Path::new("r.json"), &text).unwrap_err().to_string();
+        assert!(error.contains("log_exposure_rgb[2][77] = -3.5: must be at least"), "{error}");
     }
 
     proptest! {

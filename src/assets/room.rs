@@ -16,6 +16,7 @@
 use super::{
     error::{AssetError, read_file},
     gltf::room::{RoomPart, decode_parts},
+    names::UniqueNames,
 };
 use crate::{
     model::room::{Face, Room, RoomSurface},
@@ -25,10 +26,7 @@ use crate::{
     },
 };
 use glam::{DVec3, Vec3};
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::{collections::HashMap, path::Path};
 
 /// Largest reflectance: gathering light again and again has to end. Fresh snow and the best white paints reach it.
 pub const MOST_REFLECTED: f32 = 0.98;
@@ -66,11 +64,9 @@ pub fn load_room(file: &Path) -> Result<LoadedRoom, AssetError> {
 pub fn decode_room(file: &Path, bytes: &[u8]) -> Result<LoadedRoom, AssetError> {
     let parts = decode_parts(file, bytes)?;
     let without_area = parts.iter().map(|p| p.without_area).sum();
-    let mut names = HashSet::new();
+    let mut names = UniqueNames::default();
     let surfaces = parts.into_iter().filter(|p| !p.triangles.is_empty()).map(|mut part| {
-        while !names.insert(part.name.clone()) {
-            part.name.push('\'');
-        }
+        part.name = names.give(part.name);
         surface(part)
     });
     let room = Room { surfaces: surfaces.collect() };

@@ -1,76 +1,36 @@
-//! `replay:FILE[,skip=N][,frames=N]`: a recording as a camera, frame after frame without waiting.
+//! `replay:FILE[,skip=N][,frames=N][,image_topic=NAME]..`: a recording as a camera, frame after frame without waiting.
 
-use super::parameters::Parameters;
 use super::recording::{
-    Damage, RecordingReader, Topic,
+    Damage, Message, RecordingReader, Topic,
+    clock::{GAP_NS, LARGEST_DISORDER_NS},
     messages::{self, ExposureNote},
-    pictures,
-    reader::Message,
+    pictures::{PictureError, PictureReader},
 };
-use super::{DeviceError, ErrorKind, FrameSource, ImuSource, ImuTruth, Truth};
+use super::{DeviceError, ErrorKind, FrameSource, Truth};
 use crate::model::{
     estimate::PoseEstimate,
     frame::{Exposure, RawFrame},
-    imu::ImuSample,
     light::RadianceSh,
-    path_text,
     response::Response,
     rig::Rig,
     time::Timestamp,
 };
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
-use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The parameters.
-pub const KEYS: [&str; 2] = ["skip", "frames"];
+mod imu;
+mod options;
+mod prelude;
+mod waiting;
 
-/// What a replay's name says.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReplayOptions {
-    /// The file.
-    pub path: PathBuf,
-    /// Frames left out at the start (key `skip`).
-    pub skip: u64,
-    /// Frames at most (key `frames`).
-    pub frames: u64,
-}
+pub use imu::ReplayImu;
+pub use options::{KEYS, ReplayOptions};
+use prelude::Prelude;
+use waiting::{Recent, Waiting};
 
-impl ReplayOptions {
-    /// Reads the part of a device name after `replay:`. The parameters begin at the last commas that are
-    /// followed by `key=`, so a path may hold commas.
-    pub fn parse(text: &str) -> Result<Self, DeviceError> {
-        let path = file_of(text);
-        let device = format!("replay:{text}");
-        let p = Parameters::parse(&device, text.get(path.len()..).unwrap_or(""), &KEYS)?;
-        if path.is_empty() {
-            let action = "no file is named: must be replay:FILE[,skip=N][,frames=N]";
-            return Err(DeviceError::new(device, action, ErrorKind::Refused));
-        }
-        Ok(Self {
-            path: path_text::to_path(path),
-            skip: p.number("skip", 0, 0, u64::MAX, " frames")?,
-            frames: p.number("frames", u64::MAX, 1, u64::MAX, " frames")?,
-        })
-    }
-}
-
-/// The part of `FILE[,key=value..]` that names the file. A name may hold commas and `=`: all of it is the file where there
-/// is one of that name; else parameters begin after a file that is there, or after `.mcap`, or where a known key stands.
-fn file_of(text: &str) -> &str {
-    let is_there = |name: &str| path_text::to_path(name).is_file();
-    let (mut path, mut found) = (text, text);
-    while !is_there(path) {
-        let Some((head, last)) = path.rsplit_once(',').filter(|(_, last)| last.contains('=')) else { break };
-        let is_known = last.split_once('=').is_some_and(|(key, _)| KEYS.contains(&key.trim()));
-        path = head;
-        if is_known || head.ends_with(".mcap") || is_there(head) {
-            found = head;
-        }
-    }
-    found
-}
+/// The exposure of pictures of which nothing is known: all have it, so that radiance is right but for one factor.
+const UNKNOWN_EXPOSURE: Exposure = Exposure { time_s: 0.01, gain: 1.0 };
 
 /// Opens a recording: its camera, and its IMU where it holds one.
 pub fn open(
@@ -82,98 +42,113 @@ pub fn open(
             .map_err(|e| DeviceError::new(&device, "open the file", ErrorKind::Refused).because(e))?;
         Ok(BufReader::new(file))
     };
-    let mut source = ReplaySource::new(&device, file()?)?;
+    let mut source = ReplaySource::with_options(&device, file()?, options)?;
     source.skip(options.skip)?;
     source.most = options.frames;
-    let imu = source.reader.has(Topic::Imu).then(|| ReplayImu::new(&device, file()?)).transpose()?;
+    let imu = source
+        .reader
+        .has(Topic::Imu)
+        .then(|| ReplayImu::with_topics(&device, file()?, options.topics.clone()))
+        .transpose()?;
     Ok((source, imu))
 }
 
 /// A recording as `open` opens it.
 pub type RecordingFile = BufReader<File>;
 
+/// Warnings of one kind that are told one by one; the rest only counts.
+const MOST_TOLD: u64 = 10;
+
 /// The camera of a recording.
 pub struct ReplaySource<R> {
     device: String,
     reader: RecordingReader<R>,
+    pictures: PictureReader,
     rig: Rig,
     response: Option<Response>,
-    note: Option<(u64, ExposureNote)>,
-    pose: Option<(u64, PoseEstimate)>,
-    light: Option<(u64, (RadianceSh, [f32; 3]))>,
+    waiting: Waiting,
+    notes: Recent<ExposureNote>,
+    poses: Recent<PoseEstimate>,
+    lights: Recent<(RadianceSh, [f32; 3])>,
     truth: Option<Truth>,
     held: Option<RawFrame>,
     exposures: Vec<Exposure>,
+    /// Of pictures without a message on it, as the device's name states it.
+    stated: Option<Exposure>,
     last: Option<Timestamp>,
+    /// What is added to the camera's own times, which stepped back though the file's did not; nanoseconds.
+    own_shift_ns: i64,
+    own_steps: u64,
     given: u64,
     skipped: u64,
     most: u64,
-    told: bool,
+    told: Told,
+}
+
+/// What has been said already.
+#[derive(Default)]
+struct Told {
+    end: bool,
+    unknown_exposure: bool,
+    steps: u64,
 }
 
 impl<R: Read + Seek> ReplaySource<R> {
     /// Reads the calibration and the rig. `Refused` where there is no calibration.
     pub fn new(device: &str, source: R) -> Result<Self, DeviceError> {
-        let mut reader = RecordingReader::open(device, source)?;
-        let (mut lens, mut parts) = (None, None);
-        let mut exposures: Vec<Exposure> = Vec::new();
-        let mut images = 0;
-        // All of a chunk's setup stands before its first picture; a few more frames tell the exposures.
-        while let Some(message) = reader.next_message()? {
-            let refuse = |why: String| {
-                let action = format!("{}: {why}", message.topic.name());
-                DeviceError::new(device, action, ErrorKind::Refused)
-            };
-            let content = &message.content;
-            match message.topic {
-                Topic::Calibration => {
-                    lens = Some(messages::read_calibration(content).map_err(refuse)?);
-                }
-                Topic::Rig => parts = Some(messages::read_rig(content).map_err(refuse)?),
-                Topic::Exposure => {
-                    let exposure = messages::read_exposure(content).map_err(refuse)?.exposure;
-                    if !exposures.contains(&exposure) {
-                        exposures.push(exposure);
-                    }
-                }
-                Topic::Image => images += 1,
-                _ => {}
-            }
-            if images >= 9 && lens.is_some() {
-                break;
-            }
-        }
-        let lens = lens.ok_or_else(|| {
-            let action = format!(
-                "open: the recording has no camera calibration (topic {}, schema foxglove.CameraCalibration)",
-                Topic::Calibration.name()
-            );
-            DeviceError::new(device, action, ErrorKind::Refused)
+        Self::with_options(device, source, &ReplayOptions::of_file(""))
+    }
+
+    /// The same with what a name says of topics, exposures and pictures.
+    pub fn with_options(device: &str, source: R, options: &ReplayOptions) -> Result<Self, DeviceError> {
+        let mut reader = RecordingReader::open_topics(device, source, options.topics.clone())?;
+        let mut prelude = Prelude::read(device, &mut reader, options.exposure)?;
+        let refuse = |action: String| DeviceError::new(device, action, ErrorKind::Refused);
+        let lens = prelude.lens.ok_or_else(|| {
+            refuse(format!(
+                "open: the recording has no camera calibration (topic {}, or schema foxglove.CameraCalibration or sensor_msgs/msg/CameraInfo)",
+                options.topics.0.get(&Topic::Calibration).map_or(Topic::Calibration.name(), String::as_str)
+            ))
         })?;
-        let (tags, ball, response) = parts.unwrap_or_default();
+        let (tags, ball, response) = prelude.parts.unwrap_or_default();
+        let values = response.clone().unwrap_or_else(Response::srgb);
+        let pictures = PictureReader::new(&values, options.yuv_range).map_err(refuse)?;
+        if prelude.exposures.is_empty() {
+            prelude.exposures.push(UNKNOWN_EXPOSURE);
+        }
         reader.rewind();
         Ok(Self {
             device: device.to_owned(),
             reader,
+            pictures,
             rig: Rig { lens, tags, ball },
             response,
-            note: None,
-            pose: None,
-            light: None,
+            waiting: Waiting::default(),
+            notes: Recent::default(),
+            poses: Recent::default(),
+            lights: Recent::default(),
             truth: None,
             held: None,
-            exposures,
+            exposures: prelude.exposures,
+            stated: options.exposure,
             last: None,
+            own_shift_ns: 0,
+            own_steps: 0,
             given: 0,
             skipped: 0,
             most: u64::MAX,
-            told: false,
+            told: Told::default(),
         })
     }
 
     /// What was wrong with the file so far.
     pub fn damage(&self) -> Damage {
         self.reader.damage()
+    }
+
+    /// How often the clock stepped back by more than a second so far.
+    pub fn clock_steps(&self) -> u64 {
+        self.reader.clock_steps() + self.own_steps
     }
 
     /// Leaves out frames without decoding them.
@@ -195,25 +170,38 @@ impl<R: Read + Seek> ReplaySource<R> {
 
     fn ended(&mut self) -> DeviceError {
         let damage = self.reader.damage();
-        if damage.warnings() > 0 && !self.told {
-            self.told = true;
-            tracing::warn!("{}: the recording is damaged: {damage:?}", self.device);
+        if !std::mem::replace(&mut self.told.end, true) {
+            if let Some(what) = damage.of_file() {
+                tracing::warn!("{}: the recording is damaged: {what}", self.device);
+            }
+            if damage.messages > 0 {
+                tracing::warn!("{}: {} messages could not be used", self.device, damage.messages);
+            }
         }
         let action = format!("the recording ends after {} frames", self.given);
         DeviceError::new(&self.device, action, ErrorKind::Ended)
     }
 
-    /// Keeps what a message says for the picture of the same time; a picture becomes a frame.
-    fn take(&mut self, message: &Message) -> Result<Option<RawFrame>, String> {
-        let (t, content) = (message.log_time, message.content.as_slice());
+    /// Keeps what a message says for the picture of the same time; a picture waits until all of that is there.
+    fn take(&mut self, message: Message) -> Result<(), String> {
+        let t = message.log_time;
+        let at = |why: String| format!("{}: {why}", message.place());
         match message.topic {
-            Topic::Exposure => self.note = Some((t, messages::read_exposure(content)?)),
-            Topic::TruthPose => self.pose = Some((t, messages::read_pose(content)?)),
-            Topic::TruthLight => self.light = Some((t, messages::read_light(content)?)),
-            Topic::Image => return self.frame(t, message).map(Some),
+            Topic::Exposure => self.notes.put(t, messages::read_exposure(&message).map_err(at)?),
+            Topic::TruthPose => self.poses.put(t, messages::read_pose(&message).map_err(at)?),
+            Topic::TruthLight => self.lights.put(t, messages::read_light(&message).map_err(at)?),
+            Topic::Image => self.waiting.put(message),
             _ => {}
         }
-        Ok(None)
+        Ok(())
+    }
+
+    /// Whether all that the file may say of a picture of this time has come.
+    fn is_complete(&self, t: i64) -> bool {
+        let has = |topic: Topic, is_there: bool| is_there || !self.reader.has(topic);
+        has(Topic::Exposure, self.notes.get(t).is_some())
+            && has(Topic::TruthPose, self.poses.get(t).is_some())
+            && has(Topic::TruthLight, self.lights.get(t).is_some())
     }
 
     /// The next whole frame of the file.
@@ -221,55 +209,120 @@ impl<R: Read + Seek> ReplaySource<R> {
         if self.given >= self.most {
             return Err(self.ended());
         }
-        while let Some(message) = self.reader.next_message()? {
-            match self.take(&message) {
-                Ok(None) => {}
-                Ok(Some(frame)) => {
-                    let (w, h) = (frame.pixels.width(), frame.pixels.height());
-                    let lens = &self.rig.lens;
-                    if (w, h) != (lens.width as usize, lens.height as usize) {
-                        let action = format!(
-                            "frame {}: the picture is {w} x {h}, must be {} x {} as {} says",
-                            frame.sequence,
-                            lens.width,
-                            lens.height,
-                            Topic::Calibration.name()
-                        );
-                        return Err(DeviceError::new(&self.device, action, ErrorKind::Refused));
+        let mut is_over = false;
+        loop {
+            let first = self.waiting.first_time();
+            if is_over && first.is_none() {
+                return Err(self.ended());
+            }
+            let is_ready = first.is_some_and(|t| is_over || self.waiting.is_full() || self.is_complete(t));
+            if is_ready && let Some(message) = self.waiting.pop() {
+                match self.frame(&message) {
+                    Ok(frame) => return Ok(frame),
+                    Err(PictureError::Size((w, h))) => return Err(self.wrong_size(&message, w, h)),
+                    Err(PictureError::Unread(why)) => self.refuse(&format!("{}: {why}", message.place())),
+                }
+                continue;
+            }
+            match self.reader.next_message()? {
+                Some(message) => {
+                    if let Err(why) = self.take(message) {
+                        self.refuse(&why);
                     }
-                    return Ok(frame);
                 }
-                Err(why) => {
-                    self.reader.count_bad_message();
-                    tracing::warn!("{}: {}: {why}", self.device, message.topic.name());
-                }
+                None => is_over = true,
             }
         }
-        Err(self.ended())
     }
 
-    fn frame(&mut self, t: u64, message: &Message) -> Result<RawFrame, String> {
-        let Some((_, note)) = self.note.filter(|(of, _)| *of == t) else {
-            return Err(format!("a picture at {t} ns has no message on {}", Topic::Exposure.name()));
-        };
-        if self.last.is_some_and(|last| note.t_mid <= last) {
-            return Err(format!("the picture at {t} ns does not come after the one before"));
+    /// Counts a message that is of no use, and says why.
+    fn refuse(&mut self, why: &str) {
+        self.reader.count_bad_message();
+        if self.reader.damage().messages <= MOST_TOLD {
+            tracing::warn!("{}: {why}", self.device);
         }
-        let pixels = pictures::read_image(&message.schema, &message.content)?;
-        let pose = self.pose.filter(|(of, _)| *of == t);
-        self.truth = pose.zip(self.light.filter(|(of, _)| *of == t)).map(|((_, pose), (_, light))| Truth {
-            pose: PoseEstimate { t: note.t_mid, ..pose },
+    }
+
+    fn wrong_size(&self, message: &Message, w: usize, h: usize) -> DeviceError {
+        let lens = &self.rig.lens;
+        let action = format!(
+            "{}: the picture is {w} x {h}, must be {} x {} as {} says",
+            message.place(),
+            lens.width,
+            lens.height,
+            Topic::Calibration.name()
+        );
+        DeviceError::new(&self.device, action, ErrorKind::Refused)
+    }
+
+    /// The exposure of a picture without a message on it.
+    fn exposure_without_note(&mut self, of_file: Option<Exposure>) -> Exposure {
+        self.stated.or(of_file).unwrap_or_else(|| {
+            if !std::mem::replace(&mut self.told.unknown_exposure, true) {
+                tracing::warn!(
+                    "{}: no exposures are known (topic {}, Exif, or exposure_s=..,gain=..): all pictures count as {} s",
+                    self.device,
+                    Topic::Exposure.name(),
+                    UNKNOWN_EXPOSURE.time_s
+                );
+            }
+            UNKNOWN_EXPOSURE
+        })
+    }
+
+    fn frame(&mut self, message: &Message) -> Result<RawFrame, PictureError> {
+        let t = message.log_time;
+        let note = self.notes.get(t).copied();
+        if note.is_none() && self.reader.has(Topic::Exposure) && self.stated.is_none() {
+            return Err(format!("no message on {} has its time", Topic::Exposure.name()).into());
+        }
+        let size = (self.rig.lens.width as usize, self.rig.lens.height as usize);
+        let read = self.pictures.read(message, size)?;
+        let own = match note {
+            Some(note) => note.t_mid.0.saturating_add(message.shift_ns),
+            None if read.t.0 > 0 => read.t.0.saturating_add(message.shift_ns),
+            None => t,
+        };
+        let t_mid = self.in_order(own)?;
+        let exposure = match note {
+            Some(note) => note.exposure,
+            None => self.exposure_without_note(read.exposure),
+        };
+        let pose = self.poses.get(t).copied();
+        self.truth = pose.zip(self.lights.get(t).copied()).map(|(pose, light)| Truth {
+            pose: PoseEstimate { t: t_mid, ..pose },
             light: light.0,
             to_light_world: light.1,
         });
-        self.last = Some(note.t_mid);
-        Ok(RawFrame {
-            sequence: note.sequence,
-            t_mid: note.t_mid,
-            exposure: note.exposure,
-            pixels: Arc::new(pixels),
-            row_time_s: 0.0,
-        })
+        self.last = Some(t_mid);
+        let sequence = note.map_or(message.number - 1, |note| note.sequence);
+        Ok(RawFrame { sequence, t_mid, exposure, row_time_s: 0.0, pixels: Arc::new(read.image) })
+    }
+
+    /// A picture's time on the line of all frames. A step back by more than a second begins afresh after a gap.
+    fn in_order(&mut self, t_ns: i64) -> Result<Timestamp, String> {
+        let mut t = Timestamp(t_ns.saturating_add(self.own_shift_ns));
+        if let Some(last) = self.last.filter(|last| t <= *last) {
+            let back_ns = last.0.saturating_sub(t.0);
+            if back_ns <= LARGEST_DISORDER_NS {
+                return Err(format!(
+                    "it does not come after the picture before, which is {:.6} s later",
+                    back_ns as f64 * 1e-9
+                ));
+            }
+            self.own_steps += 1;
+            self.own_shift_ns = self.own_shift_ns.saturating_add(back_ns).saturating_add(GAP_NS);
+            t = Timestamp(t_ns.saturating_add(self.own_shift_ns));
+        }
+        if self.clock_steps() > self.told.steps {
+            self.told.steps = self.clock_steps();
+            tracing::warn!(
+                "{}: the clock steps back (step {}): what follows counts as later, after a gap",
+                self.device,
+                self.told.steps
+            );
+        }
+        Ok(t)
     }
 }
 
@@ -312,82 +365,5 @@ impl<R: Read + Seek + Send> FrameSource for ReplaySource<R> {
 
     fn delivers_at_once(&self) -> bool {
         true
-    }
-}
-
-/// The IMU of a recording; reads the file by itself.
-pub struct ReplayImu<R> {
-    device: String,
-    reader: RecordingReader<R>,
-    truth: Option<ImuTruth>,
-    next: Option<ImuSample>,
-    last: Option<Timestamp>,
-}
-
-impl<R: Read + Seek> ReplayImu<R> {
-    /// Finds the first sample and the truth before it.
-    pub fn new(device: &str, source: R) -> Result<Self, DeviceError> {
-        let reader = RecordingReader::open(device, source)?;
-        let mut imu = Self { device: device.to_owned(), reader, truth: None, next: None, last: None };
-        imu.advance()?;
-        Ok(imu)
-    }
-
-    /// Reads on to the next sample that comes after the last one.
-    fn advance(&mut self) -> Result<(), DeviceError> {
-        self.next = None;
-        while let Some(message) = self.reader.next_message()? {
-            match message.topic {
-                Topic::TruthImu => self.truth = messages::read_imu_truth(&message.content).ok(),
-                Topic::Imu => match messages::read_imu(&message.content) {
-                    Ok(sample) if self.last.is_none_or(|last| sample.t > last) => {
-                        self.last = Some(sample.t);
-                        self.next = Some(sample);
-                        return Ok(());
-                    }
-                    _ => self.reader.count_bad_message(),
-                },
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-}
-
-impl<R: Read + Seek + Send> ImuSource for ReplayImu<R> {
-    fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
-        let Some(sample) = self.next else {
-            let action = "the recording holds no more inertial samples";
-            return Err(DeviceError::new(&self.device, action, ErrorKind::Ended));
-        };
-        if sample.t > deadline {
-            return Err(DeviceError::again());
-        }
-        self.advance()?;
-        Ok(sample)
-    }
-
-    fn imu_truth(&self) -> Option<ImuTruth> {
-        self.truth
-    }
-
-    fn delivers_at_once(&self) -> bool {
-        true
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_with_and_without_parameters() {
-        let options = |text: &str| ReplayOptions::parse(text).unwrap();
-        assert_eq!(options("a,b.mcap").path, PathBuf::from("a,b.mcap"));
-        let o = options("a,b.mcap,skip=3,frames=7");
-        assert_eq!((o.path, o.skip, o.frames), (PathBuf::from("a,b.mcap"), 3, 7));
-        let error = ReplayOptions::parse("a.mcap,skop=3").unwrap_err().to_string();
-        assert!(error.contains("did you mean \"skip\""), "{error}");
-        assert!(ReplayOptions::parse("").is_err());
     }
 }

@@ -1,27 +1,40 @@
 //! OpenEXR, through the exr crate, under the size limits of all pictures. The daemon does without it.
+//!
+//! The picture is the display window: what the data window lacks of it is 0, what it has beyond is left out. Colours come out in
+//! our space, Rec. 709 primaries and D65 white, whatever the file's `chromaticities` say. Of several parts the first that has
+//! R, G and B (or Y alone) is read.
 
 use crate::{
     assets::{
         error::{AssetError, read_file},
         pictures::{self, LoadedRadiance, MAX_PIXELS, check_size, ingest},
-        whole,
     },
-    model::image::{Image, RadianceImage},
+    light::maps::MapAxes,
+    model::image::RadianceImage,
 };
 use exr::{
-    meta::MetaData,
-    prelude::{
-        Encoding, FlatSamples, Image as ExrImage, Layer, LayerAttributes, ReadChannels, ReadLayers,
-        SpecificChannels, WritableImage, read,
+    image::read::specific_channels::ReadSpecificChannel,
+    math::Vec2,
+    meta::{
+        MetaData,
+        attribute::{EnvironmentMap, Text},
+        header::Header,
     },
+    prelude::{ReadChannels, ReadLayers, read},
 };
 use std::{io::Cursor, path::Path};
+
+mod colors;
+mod write;
+
+pub use write::{ExrNote, encode, save_exr_f32};
 
 /// What an OpenEXR file begins with.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Loads linear radiance: what [`pictures::load_radiance`] reads, and OpenEXR (half or float, any compression that the
-/// decoder knows). Texels that are not finite or negative are replaced, flagged and counted (`ingest`).
+/// decoder knows). Texels that are not finite or negative are replaced, flagged and counted (`ingest`); colours that Rec. 709
+/// does not hold lose what is negative in it. A cube map in OpenEXR's own layout comes out as ours, for the axes of [`stated_axes`].
 ///
 /// # Errors
 /// The file cannot be read, is of another kind, is damaged, or exceeds the size limits.
@@ -37,8 +50,8 @@ pub fn decode_radiance(file: &Path, bytes: &[u8]) -> Result<LoadedRadiance, Asse
     decode_raw(file, bytes).map(ingest)
 }
 
-/// Loads floating-point RGB exactly as the file holds it, whatever the sign: for difference pictures, which are
-/// no radiance.
+/// Loads floating-point RGB as the file holds it, whatever the sign: for difference pictures, which are no radiance. Primaries
+/// and cube maps are brought into ours as with `load_radiance`.
 ///
 /// # Errors
 /// As `load_radiance`.
@@ -47,149 +60,216 @@ pub fn load_raw(file: &Path) -> Result<RadianceImage, AssetError> {
 }
 
 fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
-    if bytes.starts_with(&MAGIC) { decode(file, bytes) } else { pictures::decode_raw(file, bytes) }
+    if !bytes.starts_with(&MAGIC) {
+        return pictures::decode_raw(file, bytes);
+    }
+    let part = Part::find(file, bytes)?;
+    let mut picture = part.pixels(file, bytes)?;
+    if let Some(matrix) = part.to_rec709(file)? {
+        picture.pixels_mut().iter_mut().for_each(|texel| *texel = colors::within(matrix, *texel));
+    }
+    if part.is_cube() {
+        exchange_front_and_back(&mut picture);
+    }
+    Ok(picture)
 }
 
-/// Writes linear radiance as OpenEXR: channels R, G, B, 32-bit float, losslessly compressed. Reading it back
-/// gives the same bits.
+/// The axes that an OpenEXR cube map has by its own layout (attribute `envmap`), as [`load_radiance`] gives it; `None` for all
+/// other pictures, whose axes nobody knows but their user.
 ///
 /// # Errors
-/// An empty picture, or the file cannot be written.
-pub fn save_exr_f32(file: &Path, picture: &RadianceImage) -> Result<(), AssetError> {
-    check_size(file, picture.width(), picture.height())?;
-    let bytes = encode(file, picture)?;
-    whole::write(file, bytes)
+/// As `load_radiance`.
+pub fn stated_axes(file: &Path) -> Result<Option<MapAxes>, AssetError> {
+    let bytes = read_file(file)?;
+    if !bytes.starts_with(&MAGIC) {
+        return Ok(None);
+    }
+    Ok(Part::find(file, &bytes)?.is_cube().then_some(MapAxes::YUp))
 }
 
-/// Decodes the first layer's R, G, B (or Y alone as grey) over its data window; half, float or integer.
-pub fn decode(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
-    let failed = |e: exr::error::Error| AssetError::new(file, "decode OpenEXR").cause(e);
-    // The header is looked at before anything is allocated after it.
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
-    let mut samples = 0usize;
-    for header in &meta.headers {
-        check_size(file, header.layer_size.width(), header.layer_size.height())?;
-        let pixels = header.layer_size.width() * header.layer_size.height();
-        samples = samples.saturating_add(pixels.saturating_mul(header.channels.list.len()));
-        if header.channels.list.iter().any(|c| c.sampling.width() != 1 || c.sampling.height() != 1) {
-            return Err(AssetError::new(file, "OpenEXR channels").allowed("stored at full resolution"));
+/// OpenEXR's cube is right-handed, y up: on +x, columns grow with z and rows fall with y. That is the layout of D3D and GL with z
+/// turned round, and so with the faces +z and -z exchanged (`sphere::cube_direction`).
+fn exchange_front_and_back(picture: &mut RadianceImage) {
+    let face = picture.width() * picture.width();
+    if let Some((front, back)) = picture.pixels_mut()[4 * face..].split_at_mut_checked(face) {
+        front.swap_with_slice(back);
+    }
+}
+
+/// The part of a file that is read.
+struct Part {
+    header: Header,
+    /// Columns and rows of the display window.
+    size: (usize, usize),
+    channels: [Text; 3],
+}
+
+impl Part {
+    /// The first part that has R, G and B, or Y without chroma. Sizes are checked before anything is allocated after them.
+    fn find(file: &Path, bytes: &[u8]) -> Result<Self, AssetError> {
+        let failed = |e: exr::error::Error| AssetError::new(file, "decode OpenEXR").cause(e);
+        let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
+        let found = meta.headers.iter().filter(|h| !h.deep).find_map(|h| Some((h, rgb_of(h)?)));
+        let Some((header, channels)) = found else {
+            return Err(AssetError::new(file, "OpenEXR channels").value(names(&meta.headers)).allowed(
+                "R, G and B, or Y without RY and BY, at full resolution and not deep, in one part, without a layer's name",
+            ));
+        };
+        let display = header.shared_attributes.display_window.size;
+        let size = (display.width(), display.height());
+        check_size(file, size.0, size.1).map_err(|e| e.inside("display window"))?;
+        let (width, height) = (header.layer_size.width(), header.layer_size.height());
+        check_size(file, width, height).map_err(|e| e.inside("data window"))?;
+        let samples = (width * height).saturating_mul(header.channels.list.len());
+        if samples > 4 * MAX_PIXELS {
+            return Err(AssetError::new(file, "OpenEXR samples in all channels")
+                .value(samples)
+                .allowed(format!("at most {}", 4 * MAX_PIXELS)));
+        }
+        Ok(Self { header: header.clone(), size, channels })
+    }
+
+    fn is_cube(&self) -> bool {
+        let stated = self.header.own_attributes.environment_map == Some(EnvironmentMap::Cube);
+        stated && self.size.1 == 6 * self.size.0
+    }
+
+    /// What brings the file's colours into our space; `None` where they are in it, or where the picture is gray.
+    fn to_rec709(&self, file: &Path) -> Result<Option<glam::DMat3>, AssetError> {
+        match self.header.shared_attributes.chromaticities {
+            Some(stated) if self.channels[0] != self.channels[1] => colors::to_rec709(&stated)
+                .ok_or_else(|| {
+                    AssetError::new(file, "OpenEXR chromaticities")
+                        .value(format!("{stated:?}"))
+                        .allowed("three primaries that span a triangle, and a white within it")
+                })
+                .map(|matrix| matrix.filter(|m| *m != glam::DMat3::IDENTITY)),
+            _ => Ok(None),
         }
     }
-    if samples > 4 * MAX_PIXELS {
-        return Err(AssetError::new(file, "OpenEXR samples in all layers")
-            .value(samples)
-            .allowed(format!("at most {}", 4 * MAX_PIXELS)));
-    }
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(failed)?;
-    let layer = &image.layer_data;
-    let channel = |name: &str| {
-        let found = layer.channel_data.list.iter().find(|c| c.name.eq_case_insensitive(name));
-        found.map(|c| &c.sample_data)
-    };
-    let (r, g, b) = match (channel("R"), channel("G"), channel("B"), channel("Y")) {
-        (Some(r), Some(g), Some(b), _) => (r, g, b),
-        (None, None, None, Some(y)) => (y, y, y),
-        _ => {
-            let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
-            return Err(AssetError::new(file, "OpenEXR channels")
-                .value(names.join(", "))
-                .allowed("R, G and B, or Y alone, in the first layer"));
+
+    /// The display window's pixels, as the file holds them.
+    fn pixels(&self, file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
+        let failed = |e: exr::error::Error| AssetError::new(file, "decode OpenEXR").cause(e);
+        let (display, data) = (self.header.shared_attributes.display_window, &self.header.own_attributes);
+        // Where the data window's first pixel lies in the display window.
+        let shift = |data: i32, display: i32| i64::from(data) - i64::from(display);
+        let at = [
+            shift(data.layer_position.x(), display.position.x()),
+            shift(data.layer_position.y(), display.position.y()),
+        ];
+        let (size, rows) = (self.size, self.header.layer_size.height());
+        let canvas = move || Canvas {
+            picture: RadianceImage::filled(size.0, size.1, [0.0; 3]),
+            at,
+            rows: vec![0; rows],
+        };
+        let [r, g, b] = self.channels.clone();
+        let canvas = if r == g {
+            let reader = read().no_deep_data().largest_resolution_level().specific_channels().required(r);
+            let image = reader
+                .collect_pixels(
+                    move |_size, _channels| canvas(),
+                    |canvas: &mut Canvas, at, (y,): (f32,)| canvas.put(at, [y; 3]),
+                )
+                .first_valid_layer()
+                .all_attributes()
+                .non_parallel()
+                .from_buffered(Cursor::new(bytes))
+                .map_err(failed)?;
+            image.layer_data.channel_data.pixels
+        } else {
+            let reader = read().no_deep_data().largest_resolution_level().specific_channels();
+            let image = reader
+                .required(r)
+                .required(g)
+                .required(b)
+                .collect_pixels(
+                    move |_size, _channels| canvas(),
+                    |canvas: &mut Canvas, at, (r, g, b): (f32, f32, f32)| canvas.put(at, [r, g, b]),
+                )
+                .first_valid_layer()
+                .all_attributes()
+                .non_parallel()
+                .from_buffered(Cursor::new(bytes))
+                .map_err(failed)?;
+            image.layer_data.channel_data.pixels
+        };
+        let width = self.header.layer_size.width();
+        if let Some(row) = canvas.rows.iter().position(|pixels| *pixels as usize != width) {
+            return Err(AssetError::new(file, format!("row {row} of the data window"))
+                .value(format!("{} pixels", canvas.rows[row]))
+                .allowed(format!("{width} pixels: the file is cut or damaged")));
         }
-    };
-    let (width, height) = (layer.size.width(), layer.size.height());
-    let count = width * height;
-    if [r, g, b].iter().any(|samples| samples.len() != count) {
-        return Err(AssetError::new(file, "OpenEXR samples").allowed(format!("{width} x {height} a channel")));
-    }
-    let pixels = (0..count).map(|i| [sample(r, i), sample(g, i), sample(b, i)]).collect();
-    Image::from_pixels(width, height, pixels)
-        .ok_or_else(|| AssetError::new(file, "picture size").value(format!("{width} x {height}")))
-}
-
-fn sample(samples: &FlatSamples, index: usize) -> f32 {
-    match samples {
-        FlatSamples::F16(list) => list[index].to_f32(),
-        FlatSamples::F32(list) => list[index],
-        FlatSamples::U32(list) => list[index] as f32,
+        Ok(canvas.picture)
     }
 }
 
-/// Encodes R, G, B as 32-bit floats, ZIP-compressed scan lines.
-pub fn encode(file: &Path, picture: &RadianceImage) -> Result<Vec<u8>, AssetError> {
-    let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
-        let [r, g, b] = *picture.at(at.x(), at.y());
-        (r, g, b)
-    });
-    let layer = Layer::new(
-        (picture.width(), picture.height()),
-        LayerAttributes::default(),
-        Encoding::SMALL_LOSSLESS,
-        channels,
-    );
-    let mut bytes = Cursor::new(Vec::new());
-    ExrImage::from_layer(layer)
-        .write()
-        .to_buffered(&mut bytes)
-        .map_err(|e| AssetError::new(file, "write OpenEXR").cause(e))?;
-    Ok(bytes.into_inner())
+/// The display window, which is filled as pixels of the data window come.
+struct Canvas {
+    picture: RadianceImage,
+    at: [i64; 2],
+    /// Pixels that came, for each row of the data window.
+    rows: Vec<u32>,
+}
+
+impl Canvas {
+    fn put(&mut self, at: Vec2<usize>, texel: [f32; 3]) {
+        if let Some(count) = self.rows.get_mut(at.y()) {
+            *count += 1;
+        }
+        let place = |k: usize, at: usize| usize::try_from(self.at[k] + at as i64).ok();
+        let (Some(x), Some(y)) = (place(0, at.x()), place(1, at.y())) else { return };
+        if x < self.picture.width() && y < self.picture.height() {
+            *self.picture.at_mut(x, y) = texel;
+        }
+    }
+}
+
+/// Names of red, green and blue in a part, or of its luminance three times.
+fn rgb_of(header: &Header) -> Option<[Text; 3]> {
+    let list = &header.channels.list;
+    if list.iter().any(|c| c.sampling.width() != 1 || c.sampling.height() != 1) {
+        return None;
+    }
+    let named = |name: &str| list.iter().find(|c| c.name.eq_case_insensitive(name)).map(|c| c.name.clone());
+    match (named("R"), named("G"), named("B")) {
+        (Some(r), Some(g), Some(b)) => Some([r, g, b]),
+        (None, None, None) if named("RY").is_none() && named("BY").is_none() => {
+            let y = named("Y")?;
+            Some([y.clone(), y.clone(), y])
+        }
+        _ => None,
+    }
+}
+
+/// Channels of all parts, for messages.
+fn names(headers: &[Header]) -> String {
+    /// Channels that are named at most.
+    const MOST: usize = 24;
+    let mut all = Vec::new();
+    for (index, header) in headers.iter().enumerate() {
+        let part = match &header.own_attributes.layer_name {
+            Some(name) => format!("{name}: "),
+            None if headers.len() > 1 => format!("part {index}: "),
+            None => String::new(),
+        };
+        let deep = if header.deep { " (deep)" } else { "" };
+        for channel in &header.channels.list {
+            let sampling = channel.sampling;
+            let coarse = if sampling.width() > 1 || sampling.height() > 1 {
+                format!(" (one for {} x {} pixels)", sampling.width(), sampling.height())
+            } else {
+                String::new()
+            };
+            all.push(format!("{part}{}{deep}{coarse}", channel.name));
+        }
+    }
+    let more = all.len().saturating_sub(MOST);
+    all.truncate(MOST);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", all.join(", "))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn name() -> &'static Path {
-        Path::new("picture.exr")
-    }
-
-    fn gradient(width: usize, height: usize) -> RadianceImage {
-        let texel = |i: usize| [(i % width) as f32 * 0.37, (i / width) as f32, 1e4 / (1.0 + i as f32)];
-        Image::from_pixels(width, height, (0..width * height).map(texel).collect()).unwrap()
-    }
-
-    #[test]
-    fn a_picture_comes_back_bit_for_bit() {
-        let picture = gradient(37, 19);
-        let file = std::env::temp_dir().join(format!("halflight-exr-{}.exr", std::process::id()));
-        save_exr_f32(&file, &picture).unwrap();
-        assert_eq!(load_radiance(&file).unwrap().hdr.radiance, picture);
-        // What the product reads alone is refused with the reason.
-        let error = pictures::load_radiance(&file).unwrap_err().to_string();
-        assert!(error.contains("OpenEXR"), "{error}");
-        std::fs::remove_file(&file).unwrap();
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
-
-        /// Whatever happens to the bytes: an error or a picture that is finite and not negative, and no panic.
-        #[test]
-        fn damaged_files_give_an_error_or_a_sound_picture(
-            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..8),
-            cut in any::<prop::sample::Index>(),
-            cuts in any::<bool>(),
-        ) {
-            let mut bytes = encode(name(), &gradient(24, 9)).unwrap();
-            for (at, byte) in changes {
-                let at = at.index(bytes.len());
-                bytes[at] = byte;
-            }
-            if cuts {
-                bytes.truncate(cut.index(bytes.len()));
-            }
-            if let Ok(loaded) = decode_radiance(name(), &bytes) {
-                let sound = |c: &f32| c.is_finite() && *c >= 0.0;
-                prop_assert!(loaded.hdr.radiance.pixels().iter().flatten().all(sound));
-            }
-        }
-    }
-}
+mod tests;

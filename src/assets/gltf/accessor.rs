@@ -6,6 +6,8 @@ use gltf::accessor::{Accessor, DataType};
 
 /// Most elements of an accessor.
 const MAX_ELEMENTS: usize = 16 << 20;
+/// Most bytes of an accessor in memory that has no bytes in the file.
+const MAX_ZERO_BYTES: usize = 64 << 20;
 
 /// Elements of an accessor as rows of N floats: integers as they are, or divided by their range where the accessor is
 /// normalised. N may exceed the element's own size; the rest is `fill`.
@@ -72,6 +74,10 @@ fn rows<const N: usize, T: Copy>(
     }
     if accessor.count() > MAX_ELEMENTS {
         return Err(wrong(&format!("of at most {MAX_ELEMENTS} elements")));
+    }
+    let memory = accessor.count().saturating_mul(size_of::<[T; N]>());
+    if accessor.view().is_none() && memory > MAX_ZERO_BYTES {
+        return Err(wrong(&format!("of at most {MAX_ZERO_BYTES} bytes where it has no buffer view")));
     }
     let decode_row = |bytes: &[u8]| {
         let mut row = [fill; N];

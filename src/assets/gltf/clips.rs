@@ -4,27 +4,29 @@ use super::{accessor::floats, source::Source};
 use crate::{
     error::AssetError,
     model::animation::{Channel, Clip, Interpolation, Moves},
+    names::UniqueNames,
 };
 use glam::{Vec3, Vec4};
 use gltf::{Document, animation::Property};
+use std::collections::HashSet;
 
 /// Reads all animations. Channels of morph weights, and of nodes that are not part of a tree, are left out; of two
 /// channels for one property of a node the first counts. An animation of which nothing is left stays as an empty clip.
-/// One without a name is called `animation N`, and a name that was had before gets a `'`.
+/// One without a name is called `animation N`, and a name that was had before gets a number.
 ///
 /// # Errors
 /// Times that do not rise strictly from 0 on or are not finite, another number of values than of times, values that
 /// are not finite, a rotation that is zero.
 pub fn load(source: &Source, document: &Document, index_of: &[Option<u32>]) -> Result<Vec<Clip>, AssetError> {
     let mut clips: Vec<Clip> = Vec::new();
+    let mut names = UniqueNames::default();
     let mut morphs = false;
     for animation in document.animations() {
-        let mut name =
+        let stated =
             animation.name().map_or_else(|| format!("animation {}", animation.index()), str::to_owned);
-        while clips.iter().any(|clip| clip.name == name) {
-            name.push('\'');
-        }
+        let name = names.give(stated);
         let mut channels: Vec<Channel> = Vec::new();
+        let mut moved = HashSet::new();
         for channel in animation.channels() {
             let moves = match channel.target().property() {
                 Property::Translation => Moves::Translation,
@@ -38,7 +40,7 @@ pub fn load(source: &Source, document: &Document, index_of: &[Option<u32>]) -> R
             let Some(node) = index_of.get(channel.target().node().index()).copied().flatten() else {
                 continue;
             };
-            if channels.iter().any(|known| known.node == node && known.moves == moves) {
+            if !moved.insert((node, moves as u8)) {
                 continue;
             }
             let part = format!("animations[{}].channels[{}]", animation.index(), channel.index());

@@ -26,6 +26,7 @@ pub mod write_room;
 pub use figure::{DEFAULT_SPHERES, LoadedFigure, decode_figure, load_figure};
 
 use super::error::{AssetError, read_file};
+use super::names::UniqueNames;
 use crate::{
     model::scene::{Mesh, VirtualObject},
     visibility::openness,
@@ -124,17 +125,16 @@ fn build(source: &mut Source, hangs: &[Hang]) -> Result<Vec<(VirtualObject, Boun
     let stem = stem(file);
     let several = parts.len() > 1;
     let mut objects: Vec<(VirtualObject, Bound)> = Vec::new();
+    let mut names = UniqueNames::default();
+    let materials: Vec<gltf::Material> = document.materials().collect();
     for (key, (mesh, means, bound)) in parts {
-        let material = document.materials().nth(key);
-        let name = material.as_ref().and_then(|m| m.name().map(str::to_owned));
+        let material = materials.get(key);
+        let name = material.and_then(|m| m.name().map(str::to_owned));
         let name = name
             .unwrap_or_else(|| if key == usize::MAX { "plain".into() } else { format!("material {key}") });
-        let mut name = if several { format!("{stem}/{name}") } else { stem.clone() };
-        while objects.iter().any(|(o, _)| o.name == name) {
-            name.push('\'');
-        }
+        let name = names.give(if several { format!("{stem}/{name}") } else { stem.clone() });
         let openness = vec![1.0; mesh.positions.len()];
-        let material = material::of(material.as_ref(), &means);
+        let material = material::of(material, &means);
         let object = VirtualObject { name, mesh, material, world_from_object: Affine3A::IDENTITY, openness };
         objects.push((object, bound));
     }

@@ -4,13 +4,15 @@ use super::{accessor::floats, source::Source};
 use crate::error::AssetError;
 use glam::{DMat4, DVec3, DVec4};
 use gltf::{Document, Node};
+use std::collections::{HashMap, hash_map::Entry};
+use std::rc::Rc;
 
 /// How a node's mesh is placed, from the file's mesh frame to our z-up frame.
 pub enum Place {
     /// By one transform.
     Rigid(DMat4),
     /// By each vertex's weighted joints.
-    Skinned(Vec<DMat4>),
+    Skinned(Rc<Vec<DMat4>>),
 }
 
 /// glTF's y up to our z up: (x, -z, y).
@@ -46,6 +48,7 @@ pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<Place>>,
         None => (0..nodes.len()).filter(|&i| parents[i].is_none()).collect(),
     };
     let mut out: Vec<Option<Place>> = (0..nodes.len()).map(|_| None).collect();
+    let mut skins: HashMap<usize, Rc<Vec<DMat4>>> = HashMap::new();
     let mut visits = 0;
     while let Some(index) = open.pop() {
         visits += 1;
@@ -61,7 +64,15 @@ pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<Place>>,
             continue;
         }
         out[index] = Some(match node.skin() {
-            Some(skin) => Place::Skinned(joints(source, &skin, &world)?),
+            Some(skin) => {
+                // Once for each skin, however many nodes share it.
+                let known = skins.entry(skin.index());
+                let matrices = match known {
+                    Entry::Occupied(known) => Rc::clone(known.get()),
+                    Entry::Vacant(free) => Rc::clone(free.insert(Rc::new(joints(source, &skin, &world)?))),
+                };
+                Place::Skinned(matrices)
+            }
             None => Place::Rigid(Z_UP_FROM_Y_UP * here),
         });
     }

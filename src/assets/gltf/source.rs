@@ -2,11 +2,15 @@
 
 use crate::{
     error::{AssetError, read_file},
-    model::image::Rgb8Image,
+    model::{base64, image::Rgb8Image},
     pictures,
 };
 use gltf::{Document, json::validation::Checked};
-use std::{collections::HashMap, path::Path, rc::Rc};
+use std::{
+    collections::HashMap,
+    path::{Component, Path},
+    rc::Rc,
+};
 
 /// A model's file: its description, buffers and decoded pictures.
 pub struct Source<'a> {
@@ -152,7 +156,7 @@ fn split<'b>(file: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]>
     Ok((json, binary))
 }
 
-/// Bytes of a URI: base64 data, or a file beside the model.
+/// Bytes of a URI: base64 data, or a file at or below the model's folder.
 fn fetch(file: &Path, key: &str, uri: &str) -> Result<Vec<u8>, AssetError> {
     let wrong = |allowed: &str| {
         let start: String = uri.chars().take(40).collect();
@@ -160,14 +164,24 @@ fn fetch(file: &Path, key: &str, uri: &str) -> Result<Vec<u8>, AssetError> {
     };
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, text) = data.split_once(";base64,").ok_or_else(|| wrong("base64 where it is a data: URI"))?;
-        return base64(text).ok_or_else(|| wrong("sound base64"));
-    }
-    if uri.contains("://") {
-        return Err(wrong("data: or a file beside the model"));
+        return base64::decode(text).ok_or_else(|| wrong("sound base64"));
     }
     let name = percent_decoded(uri).ok_or_else(|| wrong("sound UTF-8 where % is used"))?;
-    let path = file.parent().unwrap_or(Path::new("")).join(name);
-    read_file(&path).map_err(|e| AssetError::new(file, format!("{key}.uri")).value(uri).cause(e))
+    let outside = || wrong("data:, or a file in the model's folder or below it");
+    let steps = Path::new(&name).components();
+    let stays = steps.clone().all(|step| matches!(step, Component::Normal(_) | Component::CurDir));
+    if !stays || name.is_empty() || uri.contains("://") {
+        return Err(outside());
+    }
+    let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let path = folder.join(&name);
+    let failed = |e: std::io::Error| AssetError::new(file, format!("{key}.uri")).value(uri).cause(e);
+    // Links may lead anywhere: what counts is where the file really is.
+    let (folder, real) = (folder.canonicalize().map_err(failed)?, path.canonicalize().map_err(failed)?);
+    if !real.starts_with(&folder) {
+        return Err(outside());
+    }
+    read_file(&real).map_err(|e| AssetError::new(file, format!("{key}.uri")).value(uri).cause(e))
 }
 
 fn percent_decoded(text: &str) -> Option<String> {
@@ -186,43 +200,50 @@ fn percent_decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// Standard alphabet, padding optional, nothing else between.
-fn base64(text: &str) -> Option<Vec<u8>> {
-    let text = text.trim_end_matches('=');
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 3);
-    let (mut bits, mut count) = (0u32, 0);
-    for letter in text.bytes() {
-        let value = match letter {
-            b'A'..=b'Z' => letter - b'A',
-            b'a'..=b'z' => letter - b'a' + 26,
-            b'0'..=b'9' => letter - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
-        };
-        bits = bits << 6 | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count) as u8);
-            bits &= (1 << count) - 1;
-        }
-    }
-    // A lone letter carries less than a byte.
-    (count < 6).then_some(bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn base64_and_percent_are_decoded() {
-        assert_eq!(base64("aGFsZi1saWdodA==").unwrap(), b"half-light");
-        assert_eq!(base64("+/8").unwrap(), [0xfb, 0xff]);
-        assert_eq!(base64("").unwrap(), b"");
-        assert!(base64("a").is_none() && base64("a b=").is_none());
+    fn percent_is_decoded() {
         assert_eq!(percent_decoded("a%20b").unwrap(), "a b");
         assert!(percent_decoded("a%2").is_none() && percent_decoded("%ff").is_none());
+    }
+
+    #[test]
+    fn a_uri_stays_in_the_models_folder() {
+        let root = std::env::temp_dir().join(format!("halflight-uri-{}", std::process::id()));
+        let folder = root.join("model");
+        std::fs::create_dir_all(folder.join("below")).unwrap();
+        std::fs::write(root.join("secret.bin"), b"secret").unwrap();
+        std::fs::write(folder.join("near.bin"), b"near").unwrap();
+        std::fs::write(folder.join("below/far away.bin"), b"far").unwrap();
+        std::os::unix::fs::symlink(root.join("secret.bin"), folder.join("out.bin")).unwrap();
+        std::os::unix::fs::symlink(&root, folder.join("up")).unwrap();
+        std::os::unix::fs::symlink("near.bin", folder.join("in.bin")).unwrap();
+        let model = folder.join("model.gltf");
+        let read = |uri: &str| fetch(&model, "buffers[0]", uri).map_err(|e| e.to_string());
+        assert_eq!(read("near.bin").unwrap(), b"near");
+        assert_eq!(read("./below/far%20away.bin").unwrap(), b"far");
+        assert_eq!(read("in.bin").unwrap(), b"near");
+        let absolute = root.join("secret.bin").display().to_string();
+        for uri in [
+            "../secret.bin",
+            "below/../../secret.bin",
+            "%2e%2e/secret.bin",
+            "..%2fsecret.bin",
+            "out.bin",
+            "up/secret.bin",
+            &absolute,
+            &format!("%2f{}", &absolute[1..]),
+            &format!("file://{absolute}"),
+            "",
+        ] {
+            let error = read(uri).unwrap_err();
+            assert!(error.contains("buffers[0].uri") && error.contains("model's folder"), "{uri}: {error}");
+        }
+        // Nothing of what is not there is told either.
+        assert!(read("none.bin").unwrap_err().contains("buffers[0].uri = none.bin"));
+        std::fs::remove_dir_all(&root).unwrap();
     }
 }

@@ -10,12 +10,18 @@ use crate::{
     whole,
 };
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};
-use std::{io::Cursor, path::Path};
+use std::{borrow::Cow, io::Cursor, path::Path};
 
 fn open(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, AssetError> {
     let failed = |e: image::ImageError| AssetError::new(file, format!("decode {format:?}")).cause(e);
+    let bytes = match format {
+        ImageFormat::Jpeg => {
+            jpeg::whole(bytes).map_err(|what| AssetError::new(file, "decode Jpeg").cause(what))?.with_tables()
+        }
+        _ => Cow::Borrowed(bytes),
+    };
     let reader = || {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut reader = ImageReader::with_format(Cursor::new(&*bytes), format);
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_SIDE as u32);
         limits.max_image_height = Some(MAX_SIDE as u32);
@@ -24,9 +30,6 @@ fn open(file: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, 
         reader.limits(limits);
         reader
     };
-    if format == ImageFormat::Jpeg {
-        jpeg::whole(bytes).map_err(|what| AssetError::new(file, "decode Jpeg").cause(what))?;
-    }
     let (width, height) = reader().into_dimensions().map_err(failed)?;
     check_size(file, width as usize, height as usize)?;
     reader().decode().map_err(failed)

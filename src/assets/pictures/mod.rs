@@ -15,8 +15,7 @@ use crate::{
 };
 use std::path::Path;
 
-/// Longest side of a picture, pixels.
-pub const MAX_SIDE: usize = 16_384;
+pub use crate::model::limits::MAX_SIDE;
 /// Most pixels of a picture: 67 million, 0.8 GB as radiance.
 pub const MAX_PIXELS: usize = 1 << 26;
 

@@ -7,7 +7,11 @@ use crate::model::animation::{
     Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Playing, Skeleton,
     SkeletonNode, Transform, Walk,
 };
+use crate::model::limits::MAX_PLACE_M;
 use glam::{Affine3A, Vec2, Vec4};
+
+/// Clips that a message names at most.
+const MOST_NAMED: usize = 30;
 
 /// What `[[object]]` says about movement.
 pub struct Movement {
@@ -37,11 +41,13 @@ pub fn movement(section: &Section<'_>) -> Movement {
     let legs = section.read(
         "path",
         &format!(
-            "at least 3 corners of two numbers, {MIN_SIDE_M} m or more apart, none of which turns by more than {MAX_TURN_DEG} degrees"
+            "at least 3 corners of two numbers within {MAX_PLACE_M} m of 0, {MIN_SIDE_M} m or more apart, none of which turns by more than {MAX_TURN_DEG} degrees"
         ),
         |v| {
             let corner = |p: &toml::Value| {
-                numbers(p).filter(|l| l.len() == 2).map(|l| Vec2::new(l[0] as f32, l[1] as f32))
+                numbers(p)
+                    .filter(|l| l.len() == 2 && l.iter().all(|x| x.abs() <= MAX_PLACE_M))
+                    .map(|l| Vec2::new(l[0] as f32, l[1] as f32))
             };
             let corners: Vec<Vec2> = v.as_array()?.iter().map(corner).collect::<Option<_>>()?;
             round_corners(&corners)
@@ -60,7 +66,7 @@ pub fn movement(section: &Section<'_>) -> Movement {
     let walk = legs.zip(speed_m_s).map(|(legs, speed_m_s)| Walk { legs, speed_m_s });
     let carried = section.read(
         "carry",
-        "at least 2 rows of four numbers, time_s, x, y and z, times from 0 on, rising",
+        "at least 2 rows of four numbers, time_s, x, y and z, times from 0 on, rising, all within 10000 of 0",
         |v| carried(&v.as_array()?.iter().map(numbers).collect::<Option<Vec<_>>>()?),
     );
     for key in ["path", "position", "animation"] {
@@ -107,8 +113,11 @@ impl Movement {
                     section.refuse("animation", "left out: the file has no animation");
                 }
                 None => {
-                    let names: Vec<String> = figure.clips.iter().map(|c| format!("{:?}", c.name)).collect();
-                    section.refuse("animation", format!("one of {}", names.join(", ")));
+                    let names = figure.clips.iter().take(MOST_NAMED).map(|c| format!("{:?}", c.name));
+                    let names: Vec<String> = names.collect();
+                    let more = figure.clips.len() - names.len();
+                    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                    section.refuse("animation", format!("one of {}{more}", names.join(", ")));
                 }
             }
         }
@@ -119,7 +128,7 @@ impl Movement {
 /// A smooth way through places at times: at each the velocity of the straight line between its neighbours, at rest at both ends.
 /// `None` where rows are not four numbers, fewer than 2, not finite, or their times do not rise.
 fn carried(rows: &[Vec<f64>]) -> Option<Clip> {
-    let sound = |r: &Vec<f64>| r.len() == 4 && r.iter().all(|v| v.is_finite() && v.abs() <= 1e6);
+    let sound = |r: &Vec<f64>| r.len() == 4 && r.iter().all(|v| v.abs() <= MAX_PLACE_M);
     if rows.len() < 2 || !rows.iter().all(sound) || rows.windows(2).any(|w| w[1][0] - w[0][0] < 1e-3) {
         return None;
     }

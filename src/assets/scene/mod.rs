@@ -86,6 +86,7 @@ pub use room::{RoomLightSource, RoomSource};
 use super::error::{AssetError, TextPosition, read_text};
 use crate::light::below::BelowHorizon;
 use crate::math::{lens::Lens, pose::Pose};
+use crate::model::limits::MAX_TIME_S;
 use crate::model::{
     rig::{MirrorBall, Rig, TagPlacement},
     scene::{RealSurface, Scene},
@@ -272,9 +273,9 @@ fn pictures(section: &Section<'_>, folder: &Path) -> Pictures {
         })
         .unwrap_or_default();
     let exposures_s: Vec<f64> = section
-        .read("exposures_s", "a list of numbers above 0, one for each of the pictures", |v| {
+        .read("exposures_s", "a list of numbers above 0, at most 1e5, one for each of the pictures", |v| {
             let list: Vec<f64> = v.as_array()?.iter().map(number).collect::<Option<_>>()?;
-            (list.len() == files.len() && list.iter().all(|&t| t > 0.0)).then_some(list)
+            (list.len() == files.len() && list.iter().all(|&t| t > 1e-9 && t <= MAX_TIME_S)).then_some(list)
         })
         .unwrap_or_else(|| vec![1.0; files.len()]);
     if !section.has("exposures_s") && files.len() > 1 {

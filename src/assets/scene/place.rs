@@ -3,7 +3,7 @@
 use super::{
     figure::{movement, static_figure},
     resolved,
-    walk::{Mistakes, Section, numbers},
+    walk::{Mistakes, Section, is_place, numbers, place as corner},
 };
 use crate::animate::walk::{towards_x, world_from_start};
 use crate::model::animation::Figure;
@@ -107,6 +107,12 @@ pub fn objects(
     } else {
         Vec3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z)
     };
+    let reach = [low, high].map(|corner| (corner - origin) * scale).map(|p| p.as_dvec3());
+    if !reach.into_iter().all(|p| p.is_finite() && is_place(p)) {
+        let key = if section.has("height_m") { "height_m" } else { "file" };
+        section.refuse(key, "such that the object's corners lie within 10000 m of its position");
+        return None;
+    }
     // A walk is put in front of this, beginning along +x.
     let rotation = if movement.walk.is_some() { towards_x() * place.rotation } else { place.rotation };
     let world_from_figure =
@@ -168,13 +174,9 @@ fn shape(section: &Section<'_>, known: &[&'static str]) -> Option<Mesh> {
         "quad" => {
             let corners = section.need(
                 "corners",
-                "four points of three numbers, counter-clockwise from the front",
+                "four points of three numbers within -10000..=10000, counter-clockwise from the front",
                 |v| {
-                    let points: Vec<DVec3> = v
-                        .as_array()?
-                        .iter()
-                        .map(|p| numbers(p).filter(|l| l.len() == 3).map(|l| DVec3::new(l[0], l[1], l[2])))
-                        .collect::<Option<_>>()?;
+                    let points: Vec<DVec3> = v.as_array()?.iter().map(corner).collect::<Option<_>>()?;
                     <[DVec3; 4]>::try_from(points).ok()
                 },
             )?;

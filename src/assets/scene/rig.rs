@@ -2,7 +2,7 @@
 
 use super::{
     LightSource, Pictures, SceneCamera, pictures, resolved,
-    walk::{Mistakes, Section, numbers},
+    walk::{Mistakes, PLACES, Section, is_place, numbers, place},
 };
 use crate::calibration;
 use crate::light::below::BelowHorizon;
@@ -10,6 +10,7 @@ use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
 };
+use crate::model::limits::{MAX_CAMERA_PIXELS, MAX_LENS_PX, MIN_FOCAL_PX, check_camera_size};
 use crate::model::{
     light::MapLayout,
     rig::{MirrorBall, TagPlacement},
@@ -31,10 +32,15 @@ pub fn camera(section: &Section<'_>, folder: &Path, mistakes: &Mistakes<'_>) -> 
     if !section.has("calibration") && !section.has("lens") {
         section.refuse("lens", "given (or calibration)");
     }
-    let rows = section.read("world_from_camera", "four rows of four numbers, a rigid transform", rigid_rows);
+    let rows = section.read("world_from_camera", RIGID, rigid_rows);
     let position = section.point("position");
     let look_at = section.point("look_at");
-    let up = section.point("up").unwrap_or(DVec3::Z);
+    let up = section.direction("up").unwrap_or(DVec3::Z);
+    if let (Some(eye), Some(target)) = (position, look_at)
+        && eye.distance(target) < LEAST_VIEW_M
+    {
+        section.refuse("look_at", format!("another place than position, at least {LEAST_VIEW_M} m from it"));
+    }
     let pose = match (rows, position, look_at) {
         (Some(pose), ..) => pose,
         (None, Some(eye), Some(target)) => Pose::look_at(eye, target, up),
@@ -50,27 +56,43 @@ pub fn camera(section: &Section<'_>, folder: &Path, mistakes: &Mistakes<'_>) -> 
     Some(SceneCamera { lens, world_from_camera: pose, pictures })
 }
 
+/// Largest coefficient of a distortion.
+const MAX_COEFFICIENT: f64 = 1e6;
+
 fn lens(section: &Section<'_>) -> Option<Lens> {
     let size = |key| {
         section
             .need(key, "an integer within 1..=16384", |v| v.as_integer().filter(|n| (1..=16384).contains(n)))
     };
-    let focal =
-        |key| section.need(key, "a number above 0, in pixels", |v| super::number(v).filter(|f| *f > 0.0));
+    let focal = |key| {
+        let allowed = format!("a number within {MIN_FOCAL_PX}..={MAX_LENS_PX}, in pixels");
+        section.need(key, &allowed, |v| super::number(v).filter(|f| (MIN_FOCAL_PX..=MAX_LENS_PX).contains(f)))
+    };
+    let centre = |key| {
+        let allowed = format!("a number within {MAX_LENS_PX} pixels of 0");
+        section.need(key, &allowed, |v| super::number(v).filter(|c| c.abs() <= MAX_LENS_PX))
+    };
+    let coefficients = |v: &toml::Value| numbers(v).filter(|l| l.iter().all(|k| k.abs() <= MAX_COEFFICIENT));
     let width = size("width");
     let height = size("height");
     let fx = focal("fx");
     let fy = focal("fy");
-    let cx = section.need("cx", "a finite number, in pixels", super::number);
-    let cy = section.need("cy", "a finite number, in pixels", super::number);
+    let (cx, cy) = (centre("cx"), centre("cy"));
+    if let (Some(width), Some(height)) = (width, height)
+        && check_camera_size(width as usize, height as usize).is_err()
+    {
+        let allowed =
+            format!("such that, with height = {height}, there are at most {MAX_CAMERA_PIXELS} pixels");
+        section.refuse("width", allowed);
+    }
     let radial = section.read("distortion", "4 to 8 numbers: k1, k2, p1, p2, k3, k4, k5, k6", |v| {
-        let list = numbers(v).filter(|l| (4..=8).contains(&l.len()))?;
+        let list = coefficients(v).filter(|l| (4..=8).contains(&l.len()))?;
         let mut all = [0.0; 8];
         all[..list.len()].copy_from_slice(&list);
         Some(Distortion::RadialTangential(all))
     });
     let fisheye = section.read("fisheye", "4 numbers: k1, k2, k3, k4", |v| {
-        <[f64; 4]>::try_from(numbers(v)?).ok().map(Distortion::Equidistant)
+        <[f64; 4]>::try_from(coefficients(v)?).ok().map(Distortion::Equidistant)
     });
     section.finish();
     let distortion = fisheye.or(radial).unwrap_or(Distortion::None);
@@ -85,6 +107,11 @@ fn lens(section: &Section<'_>) -> Option<Lens> {
     })
 }
 
+/// Nearer places give no direction to look in.
+const LEAST_VIEW_M: f64 = 1e-6;
+/// What `rigid_rows` takes.
+const RIGID: &str = "four rows of four numbers, a rigid transform to a place within -10000..=10000, metres";
+
 fn rigid_rows(value: &toml::Value) -> Option<Pose> {
     let rows: Vec<Vec<f64>> = value.as_array()?.iter().map(numbers).collect::<Option<_>>()?;
     let rows: Vec<[f64; 4]> =
@@ -95,7 +122,8 @@ fn rigid_rows(value: &toml::Value) -> Option<Pose> {
     // Numbers typed with six digits still count as a rotation.
     let is_rotation =
         (rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-4) && rotation.determinant() > 0.0;
-    (is_rotation && rows[3] == [0.0, 0.0, 0.0, 1.0]).then(|| Pose::from_rows(rows))
+    let is_near = is_place(DVec3::new(rows[0][3], rows[1][3], rows[2][3]));
+    (is_rotation && is_near && rows[3] == [0.0, 0.0, 0.0, 1.0]).then(|| Pose::from_rows(rows))
 }
 
 /// `[light]`, and what comes from below the horizon.
@@ -106,7 +134,7 @@ pub fn light(section: &Section<'_>, folder: &Path) -> (LightSource, BelowHorizon
     let (layout, y_up, rotation_deg) = map_keys(section);
     let constant_rgb = section.color("constant", 1e6);
     let to_light = section.read("to_light", "a vector of three numbers that is not zero", |v| {
-        let list = numbers(v).filter(|l| l.len() == 3)?;
+        let list = numbers(v).filter(|l| l.len() == 3 && l.iter().all(|x| x.abs() <= 1e6))?;
         DVec3::new(list[0], list[1], list[2]).try_normalize().map(|d| d.as_vec3().to_array())
     });
     let irradiance_rgb = section.color("irradiance_rgb", 1e6);
@@ -173,9 +201,7 @@ pub fn map_keys(section: &Section<'_>) -> (MapLayout, bool, f64) {
 
 /// `[ball]`, and whether it stands on the surface.
 pub fn ball(section: &Section<'_>) -> (Option<MirrorBall>, bool) {
-    let centre = section.need("centre", "three finite numbers", |v| {
-        numbers(v).filter(|l| l.len() == 3).map(|l| DVec3::new(l[0], l[1], l[2]))
-    });
+    let centre = section.need("centre", &format!("three numbers within {PLACES}, metres"), place);
     let radius = section.need("radius_m", "a number within 0.001..=10", |v| {
         super::number(v).filter(|r| (0.001..=10.0).contains(r))
     });
@@ -202,7 +228,7 @@ pub fn tag(section: &Section<'_>) -> Option<TagPlacement> {
     let side = section.need("side_m", "a number within 0.001..=10", |v| {
         super::number(v).filter(|s| (0.001..=10.0).contains(s))
     });
-    let rows = section.read("world_from_tag", "four rows of four numbers, a rigid transform", rigid_rows);
+    let rows = section.read("world_from_tag", RIGID, rigid_rows);
     let position = section.point("position").unwrap_or(DVec3::ZERO);
     let yaw_deg = section.number("yaw_deg", -360.0, 360.0).unwrap_or(0.0);
     section.finish();

@@ -1,6 +1,7 @@
 //! Walks a TOML document key by key and gathers every mistake on the way, each with its place in the file.
 
 use crate::error::{AssetError, TextPosition};
+use crate::model::limits::MAX_PLACE_M;
 use crate::near_word::nearest;
 use glam::DVec3;
 use std::cell::RefCell;
@@ -144,9 +145,16 @@ impl<'a> Section<'a> {
         self.read(key, "true or false", Value::as_bool).unwrap_or(default)
     }
 
-    /// A point or vector of three numbers.
+    /// A place in the world, metres.
     pub fn point(&self, key: &'static str) -> Option<DVec3> {
-        self.read(key, "three finite numbers", point)
+        self.read(key, &format!("three numbers within {PLACES}, metres"), place)
+    }
+
+    /// A direction of any length.
+    pub fn direction(&self, key: &'static str) -> Option<DVec3> {
+        self.read(key, "three numbers within -1e6..=1e6 that are not all 0", |v| {
+            point(v).filter(|p| p.abs().cmple(DVec3::splat(1e6)).all() && p.try_normalize().is_some())
+        })
     }
 
     /// Linear RGB, each channel within 0..=max.
@@ -223,6 +231,19 @@ pub fn number(value: &Value) -> Option<f64> {
 /// A list of finite numbers.
 pub fn numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(number).collect()
+}
+
+/// Where things may be along each axis, for messages.
+pub const PLACES: &str = "-10000..=10000";
+
+/// A place within the limits of a scene.
+pub fn place(value: &Value) -> Option<DVec3> {
+    point(value).filter(|p| is_place(*p))
+}
+
+/// Whether a place lies within the limits of a scene.
+pub fn is_place(place: DVec3) -> bool {
+    place.abs().cmple(DVec3::splat(MAX_PLACE_M)).all()
 }
 
 fn point(value: &Value) -> Option<DVec3> {

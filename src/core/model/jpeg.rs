@@ -1,36 +1,66 @@
-//! Tells whether a JPEG is all there, by its markers (ITU-T T.81, Annex B): decoders fill what is missing with grey.
+//! Tells whether a JPEG is all there (ITU-T T.81): decoders fill what is missing with grey.
+
+mod scan;
+mod tables;
+
+use scan::ScanComponent;
+use std::borrow::Cow;
+use tables::{HuffmanTable, Listed};
+
+/// What a component's frame header says.
+#[derive(Clone, Copy, Debug)]
+struct Component {
+    id: u8,
+    /// Sampling factors, across and down.
+    sampling: [usize; 2],
+    /// A scan has held it.
+    is_there: bool,
+}
 
 /// What is known of a picture from its frame header.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 struct FrameHeader {
     /// Baseline or extended sequential, with Huffman coding.
     is_sequential: bool,
     width: usize,
     height: usize,
-    components: usize,
-    /// Largest sampling factors, across and down.
-    sampling: [usize; 2],
+    components: Vec<Component>,
 }
 
 impl FrameHeader {
-    /// Of a start-of-frame segment; `None` where it is too short.
+    /// Of a start-of-frame segment; `None` where it is too short, or says what no picture can be.
     fn read(marker: u8, segment: &[u8]) -> Option<Self> {
         let number =
             |at: usize| Some(usize::from(u16::from_be_bytes([*segment.get(at)?, *segment.get(at + 1)?])));
-        let components = usize::from(*segment.get(5)?);
-        let mut sampling = [1, 1];
-        for k in 0..components {
-            let factors = usize::from(*segment.get(6 + 3 * k + 1)?);
-            sampling = [sampling[0].max(factors >> 4), sampling[1].max(factors & 15)];
+        let count = usize::from(*segment.get(5)?);
+        let rows = segment.get(6..6 + 3 * count)?.chunks_exact(3);
+        let components: Vec<Component> = rows
+            .map(|row| Component {
+                id: row[0],
+                sampling: [usize::from(row[1] >> 4), usize::from(row[1] & 15)],
+                is_there: false,
+            })
+            .collect();
+        if !components.iter().all(|c| c.sampling.iter().all(|factor| (1..=4).contains(factor))) {
+            return None;
         }
         let (height, width) = (number(1)?, number(3)?);
-        Some(Self { is_sequential: marker <= 0xc1, width, height, components, sampling })
+        Some(Self { is_sequential: marker <= 0xc1, width, height, components })
     }
 
-    /// Minimum coded units of a scan that holds all components together.
-    fn units(&self) -> usize {
-        let [across, down] = self.sampling.map(|factor| 8 * factor.max(1));
-        self.width.div_ceil(across) * self.height.div_ceil(down)
+    /// Blocks of each component in a coded unit, and coded units, of a scan of these components.
+    fn units(&self, scanned: &[usize]) -> (Vec<usize>, usize) {
+        let largest = |k: usize| self.components.iter().map(|c| c.sampling[k]).max().unwrap_or(1);
+        let side = |length: usize, k: usize| match scanned {
+            // A component alone has its own grid of blocks.
+            [only] => (length * self.components[*only].sampling[k]).div_ceil(largest(k)).div_ceil(8),
+            _ => length.div_ceil(8 * largest(k)),
+        };
+        let blocks = match scanned {
+            [_] => vec![1],
+            _ => scanned.iter().map(|k| self.components[*k].sampling.iter().product()).collect(),
+        };
+        (blocks, side(self.width, 0) * side(self.height, 1))
     }
 }
 
@@ -39,13 +69,94 @@ impl FrameHeader {
 pub struct WholeJpeg<'a> {
     /// The file from its first marker to its end-of-image marker: drivers fill buffers up with bytes after it.
     pub bytes: &'a [u8],
-    /// It brings Huffman tables. Cameras that stream may leave them out.
+    /// It brings the Huffman tables that it uses. Cameras that stream may leave them out.
     pub has_huffman_tables: bool,
 }
 
-/// Reads the markers of a JPEG: it must end with its end-of-image marker, and its scans must hold as many restart intervals as
-/// they should. What follows the marker does not matter. Pictures without restart intervals are not counted through: one that
-/// lost data in its middle and kept its end passes.
+impl<'a> WholeJpeg<'a> {
+    /// The file with the standard Huffman tables (T.81, K.3.3) before its own where some that it uses are missing: what USB
+    /// cameras leave out.
+    pub fn with_tables(&self) -> Cow<'a, [u8]> {
+        if self.has_huffman_tables {
+            return Cow::Borrowed(self.bytes);
+        }
+        let content = tables::standard();
+        let length = (content.len() as u16 + 2).to_be_bytes();
+        let (start, rest) = self.bytes.split_at(2);
+        Cow::Owned([start, &[0xff, 0xc4], &length, &content, rest].concat())
+    }
+}
+
+/// What the markers before a scan said.
+struct Said {
+    frame: Option<FrameHeader>,
+    interval: usize,
+    /// Class (0 DC, 1 AC) and number of a table.
+    huffman: [[Option<Box<HuffmanTable>>; 4]; 2],
+    misses_tables: bool,
+}
+
+impl Said {
+    /// Takes the tables of a segment's content.
+    fn define(&mut self, mut content: &[u8]) {
+        while let Some((name, listed, rest)) = Listed::read(content) {
+            if let Some(slot) =
+                self.huffman.get_mut(usize::from(name >> 4)).and_then(|c| c.get_mut(usize::from(name & 15)))
+            {
+                *slot = Some(Box::new(HuffmanTable::new(listed)));
+            }
+            content = rest;
+        }
+    }
+
+    /// Puts the standard tables where the file has none.
+    fn add_standard(&mut self) {
+        let own = std::mem::take(&mut self.huffman);
+        self.define(&tables::standard());
+        for (known, own) in self.huffman.iter_mut().flatten().zip(own.into_iter().flatten()) {
+            if own.is_some() {
+                *known = own;
+            }
+        }
+        self.misses_tables = true;
+    }
+
+    /// Reads a scan whose header has this content and whose data begins at a place.
+    fn scan(&mut self, header: &[u8], bytes: &[u8], at: usize) -> Result<(), String> {
+        let frame = self.frame.as_mut().ok_or("it has no size before its scan")?;
+        let unsound = || "damaged: its scan's header".to_owned();
+        let count = usize::from(*header.first().ok_or_else(unsound)?);
+        let rows = header.get(1..1 + 2 * count).ok_or_else(unsound)?;
+        let mut scanned = Vec::new();
+        for row in rows.chunks_exact(2) {
+            let k = frame.components.iter().position(|c| c.id == row[0]).ok_or_else(unsound)?;
+            frame.components[k].is_there = true;
+            scanned.push((k, usize::from(row[1] >> 4), usize::from(row[1] & 15)));
+        }
+        if !frame.is_sequential {
+            return Ok(());
+        }
+        let places: Vec<usize> = scanned.iter().map(|(k, ..)| *k).collect();
+        let (blocks, units) = frame.units(&places);
+        let has = |class: usize, number: usize| self.huffman[class].get(number).is_some_and(Option::is_some);
+        if scanned.iter().any(|(_, dc, ac)| !has(0, *dc) || !has(1, *ac)) {
+            self.add_standard();
+        }
+        let table = |class: usize, number: usize| {
+            let table = self.huffman[class].get(number).and_then(Option::as_deref);
+            table.ok_or_else(|| format!("it has no Huffman table {number}"))
+        };
+        let components = scanned.iter().zip(blocks).map(|((_, dc, ac), blocks)| {
+            Ok(ScanComponent { blocks, dc: table(0, *dc)?, ac: table(1, *ac)? })
+        });
+        let components = components.collect::<Result<Vec<_>, String>>()?;
+        scan::hold_units(bytes, at, &components, units, self.interval)
+    }
+}
+
+/// Reads a JPEG but for its pixels: it must end with its end-of-image marker, hold a scan of each component, and the scans of a
+/// sequential picture must hold as many coded units as its size asks for. What follows the marker does not matter. Units of
+/// progressive pictures are not counted: one that lost data in its middle and kept its end passes.
 ///
 /// # Errors
 /// What is missing.
@@ -54,14 +165,13 @@ pub fn whole(bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
         return Err("it does not begin as a JPEG file".into());
     }
     let cut = || format!("cut: it ends after {} bytes without an end-of-image marker", bytes.len());
-    let (mut frame, mut interval, mut has_huffman_tables) = (None, 0usize, false);
+    let mut said = Said { frame: None, interval: 0, huffman: Default::default(), misses_tables: false };
     let mut at = 2;
     loop {
         let marker;
         (marker, at) = next_marker(bytes, at).ok_or_else(cut)?;
         match marker {
-            0xd9 if frame.is_none() => return Err("it ends before its picture".into()),
-            0xd9 => return Ok(WholeJpeg { bytes: &bytes[..at], has_huffman_tables }),
+            0xd9 => return said.ended(&bytes[..at]),
             // Without a segment.
             0x01 | 0xd0..=0xd8 => continue,
             _ => {}
@@ -71,23 +181,31 @@ pub fn whole(bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
         let segment = bytes.get(at + 2..at + length).ok_or_else(cut)?;
         at += length;
         match marker {
-            0xc4 => has_huffman_tables = true,
-            0xc0..=0xcf if ![0xc8, 0xcc].contains(&marker) => frame = FrameHeader::read(marker, segment),
-            0xdd => interval = segment.first_chunk::<2>().map_or(0, |n| u16::from_be_bytes(*n).into()),
+            0xc4 => said.define(segment),
+            0xc0..=0xcf if ![0xc8, 0xcc].contains(&marker) => said.frame = FrameHeader::read(marker, segment),
+            0xdd => said.interval = segment.first_chunk::<2>().map_or(0, |n| u16::from_be_bytes(*n).into()),
             0xda => {
-                let restarts;
-                (restarts, at) = skip_scan(bytes, at);
-                let frame = frame.ok_or("it has no size before its scan")?;
-                let all_together = segment.first().map(|n| usize::from(*n)) == Some(frame.components);
-                if frame.is_sequential && all_together && frame.components > 1 && interval > 0 {
-                    let wanted = frame.units().div_ceil(interval).saturating_sub(1);
-                    if restarts < wanted {
-                        return Err(format!("cut: {restarts} of its {wanted} restart markers"));
-                    }
+                let end = end_of_scan(bytes, at);
+                if end == bytes.len() {
+                    return Err(cut());
                 }
+                said.scan(segment, bytes, at)?;
+                at = end;
             }
             _ => {}
         }
+    }
+}
+
+impl Said {
+    /// Judges a file that has come to its end.
+    fn ended(self, bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
+        let frame = self.frame.ok_or("it ends before its picture")?;
+        let there = frame.components.iter().filter(|c| c.is_there).count();
+        if there < frame.components.len() {
+            return Err(format!("cut: it holds {there} of its {} components", frame.components.len()));
+        }
+        Ok(WholeJpeg { bytes, has_huffman_tables: !self.misses_tables })
     }
 }
 
@@ -98,75 +216,17 @@ fn next_marker(bytes: &[u8], from: usize) -> Option<(u8, usize)> {
     Some((rest[at + 1], from + at + 2))
 }
 
-/// Restart markers in a scan's coded data, and where the data ends.
-fn skip_scan(bytes: &[u8], from: usize) -> (usize, usize) {
-    let (mut restarts, mut at) = (0, from);
+/// Where a scan's coded data ends: the next marker that is no restart marker, or the end of the bytes.
+fn end_of_scan(bytes: &[u8], from: usize) -> usize {
+    let mut at = from;
     while let Some((marker, next)) = next_marker(bytes, at) {
         if !(0xd0..=0xd7).contains(&marker) {
-            return (restarts, next - 2);
+            return next - 2;
         }
-        restarts += 1;
         at = next;
     }
-    (restarts, bytes.len())
+    bytes.len()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn segment(marker: u8, content: &[u8]) -> Vec<u8> {
-        let length = (content.len() + 2) as u16;
-        [&[0xff, marker], &length.to_be_bytes()[..], content].concat()
-    }
-
-    /// 32 x 16 pixels, 4:2:0, a restart interval of one unit of 16 x 16, some coded bytes.
-    fn picture(restarts: usize) -> Vec<u8> {
-        let mut bytes = vec![0xff, 0xd8];
-        bytes.extend(segment(0xe0, b"JFIF\0\xff\xd9"));
-        bytes.extend(segment(0xc0, &[8, 0, 16, 0, 32, 3, 1, 0x22, 0, 2, 0x11, 1, 3, 0x11, 1]));
-        bytes.extend(segment(0xdd, &[0, 1]));
-        bytes.extend(segment(0xda, &[3, 1, 0, 2, 0x11, 3, 0x11, 0, 63, 0]));
-        for k in 0..=restarts {
-            bytes.extend([0x12, 0xff, 0, 0x34]);
-            if k < restarts {
-                bytes.extend([0xff, 0xd0 + (k % 8) as u8]);
-            }
-        }
-        bytes.extend([0xff, 0xd9]);
-        bytes
-    }
-
-    #[test]
-    fn a_whole_picture_is_whole_whatever_follows() {
-        let mut bytes = picture(1);
-        let length = bytes.len();
-        bytes.extend([0xff, 0xd8, 1, 2, 3]);
-        assert_eq!(whole(&bytes), Ok(WholeJpeg { bytes: &bytes[..length], has_huffman_tables: false }));
-    }
-
-    #[test]
-    fn every_cut_is_noticed() {
-        let bytes = picture(1);
-        for length in 0..bytes.len() {
-            assert!(whole(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
-        }
-    }
-
-    #[test]
-    fn a_lost_interval_is_noticed() {
-        assert_eq!(whole(&picture(0)), Err("cut: 0 of its 1 restart markers".into()));
-    }
-
-    #[test]
-    fn lengths_that_lie_do_not_panic() {
-        let bytes = picture(1);
-        for at in 0..bytes.len() {
-            for value in [0, 1, 0x7f, 0xd9, 0xff] {
-                let mut changed = bytes.clone();
-                changed[at] = value;
-                let _ = whole(&changed);
-            }
-        }
-    }
-}
+mod tests;

@@ -2,6 +2,7 @@
 //! traits (`keep`).
 
 pub mod animation;
+pub mod base64;
 pub mod blocker;
 pub mod environment;
 pub mod estimate;
@@ -11,6 +12,7 @@ pub mod imu;
 pub mod jpeg;
 pub mod keep;
 pub mod light;
+pub mod limits;
 pub mod path_text;
 pub mod picture;
 pub mod pixels;

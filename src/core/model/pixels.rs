@@ -216,7 +216,7 @@ pub enum PixelError {
 
 impl PixelLayout {
     /// The longest side of a picture, pixels.
-    pub const LARGEST_SIDE: usize = 16384;
+    pub const LARGEST_SIDE: usize = super::limits::MAX_SIDE;
 
     /// Rows that follow each other without a gap; full range, BT.601, all rows read at once.
     pub fn packed(format: PixelFormat, width: usize, height: usize) -> Self {

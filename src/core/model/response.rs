@@ -7,13 +7,44 @@ pub struct Response {
     log_exposure: [[f32; 256]; 3],
 }
 
+/// The first number of a table that no response has.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "[{channel}][{value}] = {found}{}: must be finite and never fall",
+    if *.before > *.found { format!(" after {}", .before) } else { String::new() }
+)]
+pub struct BadResponse {
+    /// 0 red, 1 green, 2 blue.
+    pub channel: usize,
+    /// The 8-bit value.
+    pub value: usize,
+    /// What stands there.
+    pub found: f32,
+    /// What stands before it; negative infinity for the first.
+    pub before: f32,
+}
+
 impl Response {
     /// Takes g tables; `None` unless every value is finite and each channel never decreases.
     pub fn new(log_exposure: [[f32; 256]; 3]) -> Option<Self> {
-        let sound = log_exposure
-            .iter()
-            .all(|g| g.iter().all(|x| x.is_finite()) && g.windows(2).all(|pair| pair[1] >= pair[0]));
-        sound.then_some(Self { log_exposure })
+        Self::checked(log_exposure).ok()
+    }
+
+    /// Takes g tables.
+    ///
+    /// # Errors
+    /// The first number that is not finite, or falls.
+    pub fn checked(log_exposure: [[f32; 256]; 3]) -> Result<Self, BadResponse> {
+        for (channel, g) in log_exposure.iter().enumerate() {
+            let mut before = f32::NEG_INFINITY;
+            for (value, &found) in g.iter().enumerate() {
+                if !(found.is_finite() && found >= before) {
+                    return Err(BadResponse { channel, value, found, before });
+                }
+                before = found;
+            }
+        }
+        Ok(Self { log_exposure })
     }
 
     /// The sRGB transfer, scaled so that 255 is an exposure of 1. Value 0 is taken as 0.25.

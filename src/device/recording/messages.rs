@@ -1,23 +1,27 @@
 //! Between the model's values and the messages of a recording. Pure. Bad messages give `None` or text that
 //! says what is wrong; never a panic.
 
+use super::channels::{Encoding, Message, SchemaKind};
+use super::lens::CENTRE_PX;
+use super::{cdr, foxglove};
 use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
     sh::{MAX_COEFFICIENTS, MAX_ORDER},
 };
+use crate::model::limits::{MAX_GAIN, MAX_PLACE_M, MAX_TIME_S};
 use crate::model::{
     estimate::{PoseEstimate, Provenance},
     frame::{Exposure, RawFrame},
     imu::ImuSample,
     light::RadianceSh,
-    response::Response,
-    rig::{MirrorBall, Rig, TagPlacement},
     time::Timestamp,
 };
 use crate::{ImuTruth, Truth};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+pub use super::rig::{RigParts, read_rig, write_rig};
 
 /// A time as Foxglove's schemas have it.
 #[derive(Serialize, Deserialize)]
@@ -41,7 +45,7 @@ impl From<Time> for Timestamp {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Vector {
+pub(super) struct Vector {
     x: f64,
     y: f64,
     z: f64,
@@ -60,35 +64,42 @@ impl From<Vector> for DVec3 {
 }
 
 /// Bytes of a value as JSON. Not finite numbers become null, which reading refuses.
-fn json<T: Serialize>(message: &T) -> Vec<u8> {
+pub(super) fn json<T: Serialize>(message: &T) -> Vec<u8> {
     serde_json::to_vec(message).unwrap_or_default()
 }
 
-fn parse<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, String> {
+pub(super) fn parse<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, String> {
     serde_json::from_slice(bytes).map_err(|e| e.to_string())
 }
 
+/// One of half-light's own messages, which are JSON.
+pub(super) fn own<'a, T: Deserialize<'a>>(message: &'a Message) -> Result<T, String> {
+    match message.encoding {
+        Encoding::Json => parse(&message.content),
+        _ => Err(message.unreadable()),
+    }
+}
+
 #[derive(Serialize, Deserialize)]
-struct CalibrationMessage {
-    timestamp: Time,
-    frame_id: String,
-    width: u32,
-    height: u32,
-    distortion_model: String,
+pub(super) struct CalibrationMessage {
+    pub(super) timestamp: Time,
+    pub(super) frame_id: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) distortion_model: String,
     #[serde(rename = "D")]
-    d: Vec<f64>,
+    pub(super) d: Vec<f64>,
     #[serde(rename = "K")]
-    k: Vec<f64>,
+    pub(super) k: Vec<f64>,
     #[serde(rename = "R")]
-    r: Vec<f64>,
+    pub(super) r: Vec<f64>,
     #[serde(rename = "P")]
-    p: Vec<f64>,
+    pub(super) p: Vec<f64>,
 }
 
 /// A lens as `foxglove.CameraCalibration`.
 pub fn write_calibration(t: Timestamp, lens: &Lens) -> Vec<u8> {
-    // Pixel centres: 0.5 here, 0 in OpenCV.
-    let (fx, fy, cx, cy) = (lens.fx, lens.fy, lens.cx - 0.5, lens.cy - 0.5);
+    let (fx, fy, cx, cy) = (lens.fx, lens.fy, lens.cx - CENTRE_PX, lens.cy - CENTRE_PX);
     let (model, d) = match lens.distortion {
         Distortion::None => ("plumb_bob", vec![0.0; 5]),
         Distortion::RadialTangential(k) => ("rational_polynomial", k.to_vec()),
@@ -107,38 +118,16 @@ pub fn write_calibration(t: Timestamp, lens: &Lens) -> Vec<u8> {
     })
 }
 
-/// The lens of a `foxglove.CameraCalibration`.
-pub fn read_calibration(bytes: &[u8]) -> Result<Lens, String> {
-    let m: CalibrationMessage = parse(bytes)?;
-    let &[fx, _, cx, _, fy, cy, ..] = m.k.as_slice() else {
-        return Err(format!("K has {} numbers, must have 9", m.k.len()));
+/// The lens of a `foxglove.CameraCalibration` (JSON, protobuf) or a `sensor_msgs/msg/CameraInfo`.
+pub fn read_calibration(message: &Message) -> Result<Lens, String> {
+    let content = message.content.as_slice();
+    let fields = match (message.kind(), message.encoding) {
+        (SchemaKind::Calibration, Encoding::Json) => foxglove::calibration_of_json(content),
+        (SchemaKind::Calibration, Encoding::Protobuf) => foxglove::calibration_of_protobuf(content),
+        (SchemaKind::RosCameraInfo, Encoding::Cdr) => cdr::camera_info(content),
+        _ => Err(message.unreadable()),
     };
-    let coefficients = |most: usize| {
-        let padded: Vec<f64> = m.d.iter().copied().chain(std::iter::repeat(0.0)).take(most).collect();
-        (m.d.len() <= most).then_some(padded).ok_or(format!("D has {} numbers, at most {most}", m.d.len()))
-    };
-    let distortion = match m.distortion_model.as_str() {
-        "" => Distortion::None,
-        "plumb_bob" if m.d.iter().all(|k| *k == 0.0) => Distortion::None,
-        "plumb_bob" | "rational_polynomial" => {
-            Distortion::RadialTangential(coefficients(8)?.try_into().unwrap_or([0.0; 8]))
-        }
-        "kannala_brandt" | "equidistant" => {
-            Distortion::Equidistant(coefficients(4)?.try_into().unwrap_or([0.0; 4]))
-        }
-        other => {
-            let known = "plumb_bob, rational_polynomial, kannala_brandt";
-            return Err(format!("distortion_model \"{other}\": must be one of {known}"));
-        }
-    };
-    let sound = fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite() && m.width > 0 && m.height > 0;
-    if !sound || m.d.iter().any(|k| !k.is_finite()) {
-        return Err(format!(
-            "width {}, height {}, fx {fx}, fy {fy}: must be positive, and all numbers finite",
-            m.width, m.height
-        ));
-    }
-    Ok(Lens { width: m.width, height: m.height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, distortion })
+    fields?.lens()
 }
 
 /// What `/camera/exposure` says of one picture.
@@ -169,10 +158,13 @@ pub fn write_exposure(frame: &RawFrame) -> Vec<u8> {
 }
 
 /// The note in a `halflight.Exposure`; times and gains must be positive.
-pub fn read_exposure(bytes: &[u8]) -> Result<ExposureNote, String> {
-    let m: ExposureMessage = parse(bytes)?;
-    if !(m.time_s > 0.0 && m.gain > 0.0) {
-        return Err(format!("time_s {}, gain {}: must be positive", m.time_s, m.gain));
+pub fn read_exposure(message: &Message) -> Result<ExposureNote, String> {
+    let m: ExposureMessage = own(message)?;
+    if !(m.time_s > 0.0 && m.time_s <= MAX_TIME_S && m.gain > 0.0 && m.gain <= MAX_GAIN) {
+        return Err(format!(
+            "time_s {}, gain {}: must be above 0, at most {MAX_TIME_S} s and {MAX_GAIN}",
+            m.time_s, m.gain
+        ));
     }
     let exposure = Exposure { time_s: m.time_s, gain: m.gain };
     Ok(ExposureNote { sequence: m.sequence, t_mid: Timestamp(m.t_mid_ns), exposure })
@@ -196,116 +188,46 @@ pub fn write_imu(sample: &ImuSample) -> Vec<u8> {
     })
 }
 
-/// The sample in a `halflight.Imu`.
-pub fn read_imu(bytes: &[u8]) -> Result<ImuSample, String> {
+/// The sample in a `halflight.Imu` or a `sensor_msgs/msg/Imu`.
+pub fn read_imu(message: &Message) -> Result<ImuSample, String> {
+    let sample = match (message.kind(), message.encoding) {
+        (SchemaKind::RosImu, Encoding::Cdr) => cdr::imu(&message.content)?,
+        (SchemaKind::Own, Encoding::Json) => own_imu(&message.content)?,
+        _ => return Err(message.unreadable()),
+    };
+    let numbers = sample.gyro_rad_s.iter().chain(&sample.accel_m_s2);
+    // A sensor's own range ends far below.
+    if let Some(bad) = numbers.copied().find(|x| !(-1e6..=1e6).contains(x)) {
+        return Err(format!("a turning rate or acceleration of {bad}: must be within 1e6 of 0"));
+    }
+    Ok(sample)
+}
+
+fn own_imu(bytes: &[u8]) -> Result<ImuSample, String> {
     let m: ImuMessage = parse(bytes)?;
     let (gyro, accel) = (DVec3::from(m.angular_velocity), DVec3::from(m.linear_acceleration));
     Ok(ImuSample { t: Timestamp(m.t_ns), gyro_rad_s: gyro.to_array(), accel_m_s2: accel.to_array() })
 }
 
 #[derive(Serialize, Deserialize)]
-struct TagMessage {
-    id: u32,
-    side_m: f64,
-    position_m: [f64; 3],
-    orientation_xyzw: [f64; 4],
+pub(super) struct Orientation {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) z: f64,
+    pub(super) w: f64,
 }
 
 #[derive(Serialize, Deserialize)]
-struct BallMessage {
-    centre_world_m: [f64; 3],
-    radius_m: f64,
-    reflectance_rgb: [f32; 3],
+pub(super) struct PoseMessage {
+    pub(super) position: Vector,
+    pub(super) orientation: Orientation,
 }
 
 #[derive(Serialize, Deserialize)]
-struct RigMessage {
-    timestamp: Time,
-    tags: Vec<TagMessage>,
-    ball: Option<BallMessage>,
-    response_log_exposure: Option<Vec<Vec<f32>>>,
-}
-
-/// `halflight.Rig`: all of the rig but its lens, and the response.
-pub fn write_rig(t: Timestamp, rig: &Rig, response: Option<&Response>) -> Vec<u8> {
-    let tags = rig.tags.iter().map(|tag| TagMessage {
-        id: tag.id,
-        side_m: tag.side_m,
-        position_m: tag.world_from_tag.translation.to_array(),
-        orientation_xyzw: tag.world_from_tag.rotation.to_array(),
-    });
-    json(&RigMessage {
-        timestamp: t.into(),
-        tags: tags.collect(),
-        ball: rig.ball.map(|ball| BallMessage {
-            centre_world_m: ball.centre_world.to_array(),
-            radius_m: ball.radius_m,
-            reflectance_rgb: ball.reflectance_rgb,
-        }),
-        response_log_exposure: response
-            .map(|response| response.log_exposure().iter().map(|g| g.to_vec()).collect()),
-    })
-}
-
-/// Tags, ball and response of a `halflight.Rig`.
-pub type RigParts = (Vec<TagPlacement>, Option<MirrorBall>, Option<Response>);
-
-/// Reads a `halflight.Rig`.
-pub fn read_rig(bytes: &[u8]) -> Result<RigParts, String> {
-    let m: RigMessage = parse(bytes)?;
-    let tags = m.tags.into_iter().map(|tag| {
-        let rotation = DQuat::from_array(tag.orientation_xyzw);
-        let good = tag.side_m > 0.0 && (rotation.length() - 1.0).abs() < 1e-3;
-        // The quaternion stays as written, so that a recording gives back exactly what went in.
-        let world_from_tag = Pose { rotation, translation: tag.position_m.into() };
-        good.then_some(TagPlacement { id: tag.id, side_m: tag.side_m, world_from_tag }).ok_or(format!(
-            "tag {}: side_m {} must be positive, orientation_xyzw of unit length",
-            tag.id, tag.side_m
-        ))
-    });
-    let tags = tags.collect::<Result<_, _>>()?;
-    let ball = m.ball.map(|ball| MirrorBall {
-        surface_radius_m: None,
-        centre_world: ball.centre_world_m.into(),
-        radius_m: ball.radius_m,
-        reflectance_rgb: ball.reflectance_rgb,
-    });
-    if let Some(ball) = ball.filter(|b| !(b.radius_m > 0.0 && b.reflectance_rgb.iter().all(|r| *r > 0.0))) {
-        return Err(format!("ball: radius_m {} and reflectance_rgb must be positive", ball.radius_m));
-    }
-    let response = match m.response_log_exposure {
-        None => None,
-        Some(tables) => Some(read_response(tables).ok_or(
-            "response_log_exposure: must be three tables of 256 finite numbers that never decrease",
-        )?),
-    };
-    Ok((tags, ball, response))
-}
-
-fn read_response(tables: Vec<Vec<f32>>) -> Option<Response> {
-    let tables: Vec<[f32; 256]> = tables.into_iter().map(|t| t.try_into().ok()).collect::<Option<_>>()?;
-    Response::new(tables.try_into().ok()?)
-}
-
-#[derive(Serialize, Deserialize)]
-struct Orientation {
-    x: f64,
-    y: f64,
-    z: f64,
-    w: f64,
-}
-
-#[derive(Serialize, Deserialize)]
-struct PoseMessage {
-    position: Vector,
-    orientation: Orientation,
-}
-
-#[derive(Serialize, Deserialize)]
-struct PoseInFrame {
-    timestamp: Time,
-    frame_id: String,
-    pose: PoseMessage,
+pub(super) struct PoseInFrame {
+    pub(super) timestamp: Time,
+    pub(super) frame_id: String,
+    pub(super) pose: PoseMessage,
 }
 
 /// The camera in the world as `foxglove.PoseInFrame`.
@@ -321,17 +243,22 @@ pub fn write_pose(t: Timestamp, world_from_camera: &Pose) -> Vec<u8> {
     })
 }
 
-/// Reads a `foxglove.PoseInFrame`.
-pub fn read_pose(bytes: &[u8]) -> Result<PoseEstimate, String> {
-    let m: PoseInFrame = parse(bytes)?;
-    let o = m.pose.orientation;
-    let rotation = DQuat::from_xyzw(o.x, o.y, o.z, o.w);
-    if (rotation.length() - 1.0).abs() > 1e-3 {
+/// Reads a `foxglove.PoseInFrame` (JSON, protobuf).
+pub fn read_pose(message: &Message) -> Result<PoseEstimate, String> {
+    let (t, rotation, translation) = match (message.kind(), message.encoding) {
+        (SchemaKind::PoseInFrame, Encoding::Json) => foxglove::pose_of_json(&message.content)?,
+        (SchemaKind::PoseInFrame, Encoding::Protobuf) => foxglove::pose_of_protobuf(&message.content)?,
+        _ => return Err(message.unreadable()),
+    };
+    if !((rotation.length() - 1.0).abs() <= 1e-3) {
         return Err(format!("orientation has length {}, must be 1", rotation.length()));
     }
+    if !translation.abs().cmple(DVec3::splat(MAX_PLACE_M)).all() {
+        return Err(format!("position {translation}: must be within {MAX_PLACE_M} m of the origin"));
+    }
     Ok(PoseEstimate {
-        t: m.timestamp.into(),
-        world_from_camera: Pose { rotation, translation: m.pose.position.into() },
+        t,
+        world_from_camera: Pose { rotation, translation },
         provenance: Provenance::Measured,
         sigma_position_m: 0.0,
         sigma_rotation_rad: 0.0,
@@ -357,8 +284,8 @@ pub fn write_light(t: Timestamp, truth: &Truth) -> Vec<u8> {
 }
 
 /// Light and direction of a `halflight.Truth`.
-pub fn read_light(bytes: &[u8]) -> Result<(RadianceSh, [f32; 3]), String> {
-    let m: LightMessage = parse(bytes)?;
+pub fn read_light(message: &Message) -> Result<(RadianceSh, [f32; 3]), String> {
+    let m: LightMessage = own(message)?;
     if !(1..=MAX_ORDER).contains(&m.sh_order) || m.sh_rgb.len() != m.sh_order * m.sh_order {
         return Err(format!(
             "sh_order {} with {} rows: must be 1..=6 and its square",
@@ -394,8 +321,8 @@ pub fn write_imu_truth(t: Timestamp, truth: &ImuTruth) -> Vec<u8> {
 }
 
 /// Reads a `halflight.ImuTruth`.
-pub fn read_imu_truth(bytes: &[u8]) -> Result<ImuTruth, String> {
-    let m: ImuTruthMessage = parse(bytes)?;
+pub fn read_imu_truth(message: &Message) -> Result<ImuTruth, String> {
+    let m: ImuTruthMessage = own(message)?;
     Ok(ImuTruth {
         gyro_bias_rad_s: m.gyro_bias_rad_s,
         accel_bias_m_s2: m.accel_bias_m_s2,

@@ -2,15 +2,29 @@
 //!
 //! Chunks are small (about 1 MiB or one second), a frame never lies in two of them, and each begins with the
 //! calibration and the rig, so every whole chunk of a damaged file can be used by itself.
+//!
+//! What others write is read as well: messages outside of chunks, Foxglove's schemas in JSON and protobuf, ROS 2's bags.
 
+mod cdr;
+pub mod channels;
+pub(crate) mod clock;
+mod exif;
+mod foxglove;
+mod lens;
 pub mod messages;
 pub mod pictures;
+mod places;
+mod raw;
 pub mod reader;
+mod records;
+mod rig;
 pub mod schema;
 pub mod wire;
 pub mod writer;
 
+pub use channels::{Message, TopicNames};
 pub use pictures::PictureCoding;
+pub use places::LARGEST_CHUNK;
 pub use reader::{Damage, RecordingReader};
 pub use schema::Topic;
 pub use writer::{RecordingWriter, Setup, Written};

@@ -1,10 +1,21 @@
-//! Pictures as Foxglove's image messages (protobuf). Pure.
+//! Pictures as messages: Foxglove's in protobuf are written; those, JSON and ROS 2's are read. Pure.
 
+use super::channels::{Encoding, Message, SchemaKind};
+use super::foxglove::{self, CompressedImage, RawImage};
 use super::messages::Time;
-use super::schema::{COMPRESSED_IMAGE, RAW_IMAGE};
-use super::wire::{WireField, WireWriter, fields};
-use crate::model::{image::Rgb8Image, jpeg, time::Timestamp};
-use image::{ExtendedColorType, ImageEncoder, ImageFormat, codecs};
+use super::raw::{RawPicture, RawReader};
+use super::wire::WireWriter;
+use super::{
+    cdr::{self, RosImage},
+    exif,
+};
+use crate::model::{
+    frame::Exposure, image::Rgb8Image, jpeg, pixels::YuvRange, response::Response, time::Timestamp,
+};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, Limits, codecs};
+use std::io::Cursor;
+
+pub use super::raw::PictureError;
 
 /// How pictures are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,60 +76,130 @@ pub fn write_image(
     Ok(w.finish())
 }
 
-/// The picture of an image message of this schema.
-pub fn read_image(schema: &str, message: &[u8]) -> Result<Rgb8Image, String> {
-    let mut found = [None; 8];
-    for field in fields(message) {
-        let (number, content) = field.ok_or("the message is not valid protobuf")?;
-        if let Some(slot) = found.get_mut(number as usize) {
-            *slot = Some(content);
+/// Reads the pictures of one recording.
+pub struct PictureReader {
+    raw: RawReader,
+}
+
+/// A picture, the camera's time of it (0 where the message does not say), and the exposure that its file states.
+pub struct ReadPicture {
+    /// 8-bit RGB, of the size that was asked for.
+    pub image: Rgb8Image,
+    /// As the message states it.
+    pub t: Timestamp,
+    /// As the file's Exif segment states it.
+    pub exposure: Option<Exposure>,
+}
+
+impl PictureReader {
+    /// `response` is what 8-bit values mean: a Bayer sensor is put through it. `range` is that of Y, Cb and Cr.
+    ///
+    /// # Errors
+    /// What is wrong with the response.
+    pub fn new(response: &Response, range: YuvRange) -> Result<Self, String> {
+        Ok(Self { raw: RawReader::new(response, range)? })
+    }
+
+    /// The picture of a message, which must be `size` columns and rows large: that is seen before it is decoded.
+    ///
+    /// # Errors
+    /// Its size, or why it cannot be understood.
+    pub fn read(&mut self, message: &Message, size: (usize, usize)) -> Result<ReadPicture, PictureError> {
+        let content = message.content.as_slice();
+        match (message.kind(), message.encoding) {
+            (SchemaKind::CompressedImage, Encoding::Protobuf) => {
+                packed(&foxglove::compressed_of_protobuf(content)?, size)
+            }
+            (SchemaKind::CompressedImage, Encoding::Json) => {
+                packed(&foxglove::compressed_of_json(content)?, size)
+            }
+            (SchemaKind::RosCompressedImage, Encoding::Cdr) => {
+                let (t, format, data) = cdr::compressed_image(content)?;
+                packed(&CompressedImage { t, format: format.to_owned(), data: data.into() }, size)
+            }
+            (SchemaKind::RawImage, Encoding::Protobuf) => {
+                self.foxglove_raw(&foxglove::raw_of_protobuf(content)?, size)
+            }
+            (SchemaKind::RawImage, Encoding::Json) => {
+                self.foxglove_raw(&foxglove::raw_of_json(content)?, size)
+            }
+            (SchemaKind::RosImage, Encoding::Cdr) => {
+                let RosImage { t, width, height, encoding, is_big_endian, step, data } = cdr::image(content)?;
+                let raw = RawPicture { width, height, encoding, step, data, is_big_endian };
+                Ok(ReadPicture { image: self.raw.read(&raw, size)?, t, exposure: None })
+            }
+            _ => Err(message.unreadable().into()),
         }
     }
-    let bytes = |n: usize| match found[n] {
-        Some(WireField::Bytes(b)) => b,
-        _ => &[],
-    };
-    let fixed = |n: usize| match found[n] {
-        Some(WireField::Fixed32(x)) => x as usize,
-        _ => 0,
-    };
-    match schema {
-        COMPRESSED_IMAGE => {
-            let format = match bytes(3) {
-                b"jpeg" | b"jpg" => ImageFormat::Jpeg,
-                b"png" => ImageFormat::Png,
-                other => {
-                    let name = String::from_utf8_lossy(other).into_owned();
-                    return Err(format!("format \"{name}\": must be jpeg or png"));
-                }
-            };
-            if format == ImageFormat::Jpeg {
-                jpeg::whole(bytes(2))?;
-            }
-            let picture = image::load_from_memory_with_format(bytes(2), format).map_err(|e| e.to_string())?;
-            let picture = picture.into_rgb8();
-            let (width, height) = (picture.width() as usize, picture.height() as usize);
-            let pixels = picture.as_raw().chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
-            Rgb8Image::from_pixels(width, height, pixels).ok_or_else(|| "the picture has a wrong size".into())
-        }
-        RAW_IMAGE => {
-            let (width, height, step) = (fixed(2), fixed(3), fixed(5));
-            let (encoding, pixels) = (bytes(4), bytes(6));
-            let whole = width.checked_mul(3).is_some_and(|row| row <= step)
-                && step.checked_mul(height).is_some_and(|all| all == pixels.len())
-                && width > 0
-                && height > 0;
-            if encoding != b"rgb8" || !whole {
-                return Err(format!(
-                    "{width} x {height}, step {step}, encoding \"{}\", {} bytes: must be rgb8 and step x height bytes",
-                    String::from_utf8_lossy(encoding),
-                    pixels.len()
-                ));
-            }
-            let rows = pixels.chunks_exact(step).flat_map(|row| row[..3 * width].chunks_exact(3));
-            Rgb8Image::from_pixels(width, height, rows.map(|p| [p[0], p[1], p[2]]).collect())
-                .ok_or_else(|| "the picture has a wrong size".into())
-        }
-        other => Err(format!("schema \"{other}\": must be {COMPRESSED_IMAGE} or {RAW_IMAGE}")),
+
+    fn foxglove_raw(
+        &mut self,
+        raw: &RawImage<'_>,
+        size: (usize, usize),
+    ) -> Result<ReadPicture, PictureError> {
+        let RawImage { t, width, height, ref encoding, step, ref data } = *raw;
+        let raw = RawPicture { width, height, encoding, step, data, is_big_endian: false };
+        Ok(ReadPicture { image: self.raw.read(&raw, size)?, t, exposure: None })
     }
+}
+
+/// The exposure that the picture of a message states in its file.
+pub fn stated_exposure(message: &Message) -> Option<Exposure> {
+    let content = message.content.as_slice();
+    match (message.kind(), message.encoding) {
+        (SchemaKind::CompressedImage, Encoding::Protobuf) => {
+            exif::exposure(&foxglove::compressed_of_protobuf(content).ok()?.data)
+        }
+        (SchemaKind::CompressedImage, Encoding::Json) => {
+            exif::exposure(&foxglove::compressed_of_json(content).ok()?.data)
+        }
+        (SchemaKind::RosCompressedImage, Encoding::Cdr) => {
+            exif::exposure(cdr::compressed_image(content).ok()?.2)
+        }
+        _ => None,
+    }
+}
+
+/// Decodes a picture file. What it is, its first bytes say: `format` is written in many ways.
+fn packed(message: &CompressedImage<'_>, size: (usize, usize)) -> Result<ReadPicture, PictureError> {
+    let data = &*message.data;
+    let unknown = || {
+        let first: Vec<String> = data.iter().take(4).map(|b| format!("{b:02x}")).collect();
+        format!(
+            "format = \"{}\", first bytes {}: must be a JPEG, PNG or WebP picture",
+            message.format,
+            if first.is_empty() { "none".into() } else { first.join(" ") }
+        )
+    };
+    let (format, bytes) = match data {
+        [0xff, 0xd8, 0xff, ..] => (ImageFormat::Jpeg, jpeg::whole(data)?.with_tables()),
+        [0x89, b'P', b'N', b'G', ..] => (ImageFormat::Png, data.into()),
+        [b'R', b'I', b'F', b'F', a, b, c, d, b'W', b'E', b'B', b'P', rest @ ..] => {
+            let stated = u32::from_le_bytes([*a, *b, *c, *d]) as usize;
+            if stated > rest.len() + 4 {
+                let there = data.len();
+                return Err(format!("cut: {there} bytes of the {} that its head states", stated + 8).into());
+            }
+            (ImageFormat::WebP, data.into())
+        }
+        _ => return Err(unknown().into()),
+    };
+    let reader = || {
+        let mut reader = ImageReader::with_format(Cursor::new(&*bytes), format);
+        let mut limits = Limits::default();
+        // 16-bit RGBA takes 8 bytes a pixel; room for what a decoder keeps beside.
+        limits.max_alloc = Some(16 * (size.0 * size.1) as u64 + (1 << 20));
+        reader.limits(limits);
+        reader
+    };
+    let (width, height) = reader().into_dimensions().map_err(|e| e.to_string())?;
+    let found = (width as usize, height as usize);
+    if found != size {
+        return Err(PictureError::Size(found));
+    }
+    let picture = reader().decode().map_err(|e| e.to_string())?.into_rgb8();
+    let pixels = picture.as_raw().as_chunks::<3>().0.to_vec();
+    let image = Rgb8Image::from_pixels(size.0, size.1, pixels)
+        .ok_or_else(|| "the picture has a wrong size".to_owned())?;
+    Ok(ReadPicture { image, t: message.t, exposure: exif::exposure(data) })
 }

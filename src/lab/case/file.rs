@@ -7,7 +7,11 @@ use super::{
 use crate::{
     assets::error::AssetError,
     math::{lens::Lens, pose::Pose},
-    model::{response::Response, scene::Material},
+    model::{
+        limits::{MAX_LENS_PX, MAX_PLACE_M, MIN_FOCAL_PX, check_camera_size},
+        response::Response,
+        scene::Material,
+    },
 };
 use glam::{Affine3A, DVec3, Mat4};
 use serde::Deserialize;
@@ -174,6 +178,17 @@ impl Check<'_> {
         value
     }
 
+    fn length(&mut self, key: impl Into<Box<str>>, value: f64) -> f64 {
+        self.require(value > 0.0 && value <= MAX_PLACE_M, key, value, "above 0, at most 10000 m");
+        value
+    }
+
+    fn place(&mut self, key: impl Into<Box<str>>, value: FileRgb) -> DVec3 {
+        let is_sound = value.iter().all(|x| x.abs() <= MAX_PLACE_M);
+        self.require(is_sound, key, value, "within 10000 m of the origin along each axis");
+        DVec3::from(value)
+    }
+
     fn share(&mut self, key: String, rgb: [f32; 3]) -> [f32; 3] {
         self.require(rgb.iter().all(|c| (0.0..=1.0).contains(c)), key, rgb, "within 0 to 1");
         rgb
@@ -263,9 +278,19 @@ fn camera(check: &mut Check, raw: &CameraFile) -> (Lens, Pose) {
     let side = |n: u32| (1..=16_384).contains(&n);
     check.require(side(raw.width), "camera.width", raw.width, "within 1 to 16384 pixels");
     check.require(side(raw.height), "camera.height", raw.height, "within 1 to 16384 pixels");
-    let (fx, fy) = (check.positive("camera.fx", raw.fx), check.positive("camera.fy", raw.fy));
+    if side(raw.width) && side(raw.height) {
+        let (width, height) = (raw.width as usize, raw.height as usize);
+        let size = check_camera_size(width, height);
+        let allowed = size.as_ref().err().cloned().unwrap_or_default();
+        check.require(size.is_ok(), "camera.width, height", (width, height), &allowed);
+    }
+    for (key, focal) in [("camera.fx", raw.fx), ("camera.fy", raw.fy)] {
+        let is_sound = (MIN_FOCAL_PX..=MAX_LENS_PX).contains(&focal);
+        check.require(is_sound, key, focal, "within 0.001 to 1e6 pixels");
+    }
+    let (fx, fy) = (raw.fx, raw.fy);
     for (key, value) in [("camera.cx", raw.cx), ("camera.cy", raw.cy)] {
-        check.require(value.is_finite() && value.abs() < 1e6, key, value, "finite, in pixels");
+        check.require(value.abs() <= MAX_LENS_PX, key, value, "within 1e6 pixels of 0");
     }
     let offset = raw.pixel_centre_offset.unwrap_or(0.5);
     check.require(offset == 0.5, "camera.pixel_centre_offset", offset, "0.5");
@@ -274,7 +299,7 @@ fn camera(check: &mut Check, raw: &CameraFile) -> (Lens, Pose) {
         pose.is_some(),
         "camera.world_from_camera",
         raw.world_from_camera,
-        "a rigid 4x4 matrix, row by row",
+        "a rigid 4x4 matrix, row by row, to a place within 10000 m",
     );
     let lens = Lens::pinhole(raw.width, raw.height, fx, fy, raw.cx, raw.cy);
     (lens, pose.unwrap_or(Pose::IDENTITY))
@@ -283,7 +308,7 @@ fn camera(check: &mut Check, raw: &CameraFile) -> (Lens, Pose) {
 /// The pose of a matrix that is a rotation and a translation to 1e-4; its rotation is then made exact.
 fn rigid(rows: &Rows) -> Option<Pose> {
     let row = |i: usize| DVec3::new(rows[i][0], rows[i][1], rows[i][2]);
-    let finite = rows.as_flattened().iter().all(|x| x.is_finite());
+    let finite = rows.as_flattened().iter().all(|x| x.abs() <= MAX_PLACE_M);
     let unit = (0..3).all(|i| (row(i).length() - 1.0).abs() < 1e-4);
     let right_handed = row(0).cross(row(1)).distance(row(2)) < 1e-4;
     let last = rows[3] == [0.0, 0.0, 0.0, 1.0];
@@ -309,22 +334,25 @@ fn shape(check: &mut Check, name: &str, raw: ShapeFile, root: &Path) -> ExactSha
     let key = |k: &str| format!("geometry {name}.{k}");
     match raw {
         ShapeFile::PlaneZ0 { half_extent } => {
-            ExactShape::PlaneZ0 { half_extent: check.positive(key("half_extent"), half_extent) }
+            ExactShape::PlaneZ0 { half_extent: check.length(key("half_extent"), half_extent) }
         }
-        ShapeFile::Quad { vertices } => ExactShape::Quad { vertices: vertices.map(DVec3::from) },
+        ShapeFile::Quad { vertices } => {
+            ExactShape::Quad { vertices: vertices.map(|v| check.place(key("vertices"), v)) }
+        }
         ShapeFile::Box { center, half_size, yaw_deg } => {
             half_size.iter().for_each(|&size| {
-                check.positive(key("half_size"), size);
+                check.length(key("half_size"), size);
             });
             ExactShape::Box {
-                centre: center.into(),
+                centre: check.place(key("center"), center),
                 half_size: half_size.into(),
                 yaw_rad: yaw_deg.to_radians(),
             }
         }
-        ShapeFile::Sphere { center, radius } => {
-            ExactShape::Sphere { centre: center.into(), radius: check.positive(key("radius"), radius) }
-        }
+        ShapeFile::Sphere { center, radius } => ExactShape::Sphere {
+            centre: check.place(key("center"), center),
+            radius: check.length(key("radius"), radius),
+        },
         ShapeFile::Mesh { file, world_from_object } => {
             let rows = world_from_object.map(|row| row.map(|x| x as f32));
             let matrix = Mat4::from_cols_array_2d(&rows).transpose();
@@ -347,13 +375,13 @@ fn emitter(check: &mut Check, raw: EmitterFile, root: &Path) -> CaseEmitter {
             EmitterKind::Constant { radiance_rgb: check.light("emitters.radiance", radiance) }
         }
         EmitterKindFile::Quad { vertices, radiance } => EmitterKind::Quad {
-            vertices: vertices.map(DVec3::from),
+            vertices: vertices.map(|v| check.place("emitters.vertices", v)),
             radiance_rgb: check.light("emitters.radiance", radiance),
         },
         EmitterKindFile::Disc { center, normal, radius, radiance } => EmitterKind::Disc {
-            centre: center.into(),
+            centre: check.place("emitters.center", center),
             normal: check.unit("emitters.normal", normal),
-            radius: check.positive("emitters.radius", radius),
+            radius: check.length("emitters.radius", radius),
             radiance_rgb: check.light("emitters.radiance", radiance),
         },
     };
@@ -369,16 +397,17 @@ fn photographs(check: &mut Check, raw: PhotographsFile, root: &Path) -> Option<P
     let mut table = Box::new([[0.0f64; 256]; 3]);
     let mut log_exposure = [[0.0f32; 256]; 3];
     for (channel, values) in raw.response_table.iter().enumerate() {
-        let sound = values.len() == 256
-            && values.windows(2).all(|pair| pair[1] >= pair[0])
-            && values[1] > 0.0
-            && values[255].is_finite();
-        check.require(
-            sound,
-            format!("photographs.response_table[{channel}]"),
-            values.len(),
-            "256 values that rise from 0",
-        );
+        let key = format!("photographs.response_table[{channel}]");
+        let bad = values.windows(2).position(|pair| !(pair[1] >= pair[0] && pair[1].is_finite()));
+        if values.len() == 256
+            && let Some(at) = bad
+        {
+            let allowed = format!("finite, at least {}, the value before it", values[at]);
+            check.require(false, format!("{key}[{}]", at + 1), values[at + 1], &allowed);
+            return None;
+        }
+        let sound = values.len() == 256 && values[0] >= 0.0 && values[1] > 0.0;
+        check.require(sound, key, values.len(), "256 values that rise from 0");
         if !sound {
             return None;
         }

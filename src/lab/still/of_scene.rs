@@ -24,7 +24,7 @@ use crate::model::{
     rig::MirrorBall,
     scene::Scene,
 };
-use crate::open_exr::load_radiance;
+use crate::open_exr::{load_radiance, stated_axes};
 use crate::present::gray_place::GrayPlace;
 use glam::{DVec3, Vec3};
 
@@ -236,7 +236,8 @@ fn read_map(light: &LightSource, engine: &mut dyn Engine, quality: &Quality) -> 
     };
     let map = EnvironmentMap { layout: *layout, radiance: load_radiance(file)?.hdr.radiance };
     let measured = engine.estimate_light(&LightJob::Map(&map), quality)?;
-    let world_from_map = MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians());
+    let axes = stated_axes(file)?.unwrap_or(MapAxes::of_up(*y_up, *layout));
+    let world_from_map = axes.world_from_map(rotation_deg.to_radians());
     let order = measured.total.order;
     let rows = world_from_map.transpose().as_mat3().to_cols_array_2d();
     let mut total = RadianceSh::zero(order);

@@ -14,7 +14,7 @@ use crate::model::{
     quality::Quality,
 };
 use crate::nearfield::prepare::KnownRoom;
-use crate::open_exr::load_radiance;
+use crate::open_exr::{load_radiance, stated_axes};
 use crate::reference::{Emission, Environment, TraceBody, TraceScene, TraceSun};
 use glam::{DMat3, Mat3, Vec3};
 
@@ -83,8 +83,8 @@ fn light(file: &SceneFile, samples: &RadianceSamples, scene: &mut TraceScene) ->
         LightSource::Ball(_) => scene.environment = measured(samples),
         LightSource::File { file, layout, y_up, rotation_deg } => {
             let radiance = load_radiance(file)?.hdr.radiance;
-            let world_from_map: DMat3 =
-                MapAxes::of_up(*y_up, *layout).world_from_map(rotation_deg.to_radians());
+            let axes = stated_axes(file)?.unwrap_or(MapAxes::of_up(*y_up, *layout));
+            let world_from_map: DMat3 = axes.world_from_map(rotation_deg.to_radians());
             scene.environment = if *layout == MapLayout::Equirect {
                 Environment::Picture { radiance, map_from_world: world_from_map.transpose().as_mat3() }
             } else {

@@ -1,4 +1,5 @@
-//! One JPEG file of a stream. A file that is cut, or that leaves its Huffman tables out, is an error here.
+//! One JPEG file of a stream. A file that is cut is an error here; one that leaves its Huffman tables out
+//! is read with the standard ones.
 
 use super::DevelopError;
 use crate::model::{image::Rgb8Image, jpeg, pixels::FramePixels};
@@ -10,10 +11,7 @@ pub fn decode(pixels: &FramePixels, samples: &mut Vec<u8>, out: &mut Rgb8Image) 
     let bytes = pixels.bytes();
     let fail = |why: String| DevelopError::Jpeg { length: bytes.len(), why };
     let file = jpeg::whole(bytes).map_err(fail)?;
-    if !file.has_huffman_tables {
-        return Err(fail("it has no Huffman tables".into()));
-    }
-    let decoder = JpegDecoder::new(Cursor::new(file.bytes)).map_err(|e| fail(e.to_string()))?;
+    let decoder = JpegDecoder::new(Cursor::new(file.with_tables())).map_err(|e| fail(e.to_string()))?;
     let (width, height) = decoder.dimensions();
     let wanted = (pixels.width(), pixels.height());
     if (width as usize, height as usize) != wanted {

@@ -9,7 +9,7 @@ use super::output::OutputFormat;
 use super::{CliError, GlobalOptions, run_folder::need_folder_of};
 use crate::assets::dds;
 use crate::engine::{Engine, MeasuredLight};
-use crate::lab::open_exr::load_raw;
+use crate::lab::open_exr::{load_raw, stated_axes};
 use crate::light::{
     cone::cone_of_samples,
     exported::{compact_lights, split_of},
@@ -300,7 +300,13 @@ fn map_samples(
         }
         (_, Texels::Corner) => return Err(CliError("--texels corner: is for --as angular".into())),
     };
-    let world_from_map = arguments.axes.map_axes().world_from_map(arguments.turn.to_radians());
+    // A file that states its own layout is right whatever was asked for.
+    let stated = match arguments.images.as_slice() {
+        [file] if map.layout == MapLayout::Cube => stated_axes(file)?,
+        _ => None,
+    };
+    let axes = stated.unwrap_or(arguments.axes.map_axes());
+    let world_from_map = axes.world_from_map(arguments.turn.to_radians());
     if world_from_map != glam::DMat3::IDENTITY {
         maps::turn(&mut samples, world_from_map);
     }
