@@ -1,6 +1,10 @@
-# make demo and make test work on a fresh Debian 12 with Rust and apt; they install what is missing.
+# make demo and make test work on a fresh Debian 12 with apt; they install what is missing, Rust too.
 
 BUILD_PACKAGES := build-essential pkg-config
+# Only where there is no cargo: rustup's is used where it is.
+RUST_PACKAGES := rustc-web cargo-web ca-certificates
+# A shell that was opened before rustup does not know its folder yet.
+export PATH := $(PATH):$(HOME)/.cargo/bin
 GPU_PACKAGES := libvulkan1 mesa-vulkan-drivers libegl1 libegl-mesa0 libgles2 libgl1-mesa-dri
 FILM_PACKAGES := ffmpeg
 # Only for the test of the page that `halflight tradeoff` writes.
@@ -14,7 +18,7 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures tradeoff presets docs test bench lint tools-build tools-gpu tools-film tools-browser release
+.PHONY: help demo demo-real figures tradeoff presets docs test fuzz bench lint tools-build tools-gpu tools-film tools-browser release
 
 # What the front of error against time is measured on: all bundled scenes.
 SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
@@ -29,11 +33,15 @@ help:
 	@echo "make presets    the presets, measured anew on this machine (then build again)"
 	@echo "make docs       the plots and tables of docs/, made anew"
 	@echo "make test       everything that needs no GPU hardware; at its end the figures that were wanted beside those reached"
+	@echo "make fuzz       a million damaged inputs of every format"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
 
 tools-build:
 	$(call install,$(BUILD_PACKAGES))
+ifeq ($(shell PATH="$(PATH)" command -v cargo),)
+	$(call install,$(RUST_PACKAGES))
+endif
 
 tools-gpu:
 	$(call install,$(GPU_PACKAGES))
@@ -60,6 +68,9 @@ demo-real: release
 test: tools-build tools-gpu tools-browser
 	cargo build --release --locked --bins
 	REQUIRE_RELEASE=1 bash tests/run.sh
+
+fuzz: tools-build
+	HALFLIGHT_ABUSE=1000000 HALFLIGHT_ABUSE_SEED=$$(date +%s) cargo test --locked --test abuse -- --nocapture
 
 tradeoff: release
 	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --frame 40 --quick --out out/tradeoff
