@@ -65,7 +65,8 @@ fn check(verb: &str, arguments: &[&str]) -> Value {
         .output()
         .unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{verb}: {e}: {errors}"));
+    let told: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{verb}: {e}: {errors}"));
     let mut found = Vec::new();
     let name = if output.status.success() { verb } else { "error" };
     misfits(&told, &schema(name), verb, &mut found);
@@ -83,14 +84,27 @@ fn every_verb_keeps_to_its_schema() {
     check("synth", &["--frames", "13", "--size", "128x96", "--out", &at("a.mcap")]);
     check("record", &[&at("a.mcap"), "--frames", "2", "--out", &at("b.mcap")]);
     let replayed = check("replay", &[&at("a.mcap"), "--out", &at("run")]);
-    let stored: Value = serde_json::from_str(&std::fs::read_to_string(at("run/report.json")).unwrap()).unwrap();
+    let stored: Value =
+        serde_json::from_str(&std::fs::read_to_string(at("run/report.json")).unwrap()).unwrap();
     assert_eq!(replayed["digest"], stored["digest"]);
     assert!(replayed["stages"]["frame"]["median_ms"].is_number());
-    check("render", &[scene, "--digest"]);
+    let rendered = check("render", &[scene, "--digest"]);
+    // Nothing is both done and left out.
+    for plan in [&replayed["plan"], &rendered] {
+        let names = |list: &str| -> Vec<String> {
+            let list = plan[list].as_array().into_iter().flatten();
+            list.map(|pass| pass["pass"].as_str().unwrap().to_owned()).collect()
+        };
+        let (done, kept, left_out) = (names("passes"), names("kept"), names("left_out"));
+        assert!(!done.is_empty());
+        assert!(done.iter().all(|pass| !left_out.contains(pass) && !kept.contains(pass)), "{plan}");
+        assert!(kept.iter().all(|pass| !left_out.contains(pass)), "{plan}");
+    }
     check("explain", &[scene]);
     check("trace", &[scene, "--samples", "1", "--step-px", "8", "--out", &at("truth"), "--digest"]);
     check("light", &["tests/scenes/room.hdr", "--as", "equirect"]);
-    let tags = check("tags", &[&at("run/frames/frame_000000.png"), "--focal", "100,100,64,48", "--size", "0.1"]);
+    let tags =
+        check("tags", &[&at("run/frames/frame_000000.png"), "--focal", "100,100,64,48", "--size", "0.1"]);
     assert!(tags["tags"].is_array());
     check("spheres", &["tests/scenes/walker.glb", "--count", "4", "--fresh"]);
     check("reproduce", &["gib03-fig3", "--out", &at("papers")]);
@@ -107,8 +121,24 @@ fn every_verb_keeps_to_its_schema() {
 #[test]
 fn every_verb_has_a_schema_and_a_misfit_is_seen() {
     for verb in [
-        "replay", "render", "explain", "trace", "figures", "light", "hdr", "tags", "record", "spheres", "room",
-        "synth", "reproduce", "tradeoff", "stress", "check", "devices", "error",
+        "replay",
+        "render",
+        "explain",
+        "trace",
+        "figures",
+        "light",
+        "hdr",
+        "tags",
+        "record",
+        "spheres",
+        "room",
+        "synth",
+        "reproduce",
+        "tradeoff",
+        "stress",
+        "check",
+        "devices",
+        "error",
     ] {
         let schema = schema(verb);
         assert!(schema["required"].as_array().unwrap().contains(&"format".into()), "{verb}");

@@ -65,7 +65,8 @@ fn errors(file: &Path, how: &[&str]) -> [f64; 3] {
     let (three, web) = (shape(&["--format", "threejs"]), shape(&["--format", "webxr"]));
     let bands = shape(&["--format", "threejs", "--split", "sh"]);
     // The truth: the picture of the light, summed.
-    let out = std::env::temp_dir().join(format!("halflight-export-{}-{}.exr", std::process::id(), name.len()));
+    let out =
+        std::env::temp_dir().join(format!("halflight-export-{}-{}.exr", std::process::id(), name.len()));
     let text = out.display().to_string();
     light_picture(&[&[name.as_str()], how, &["--out", &text, "--out-height", "256"]].concat());
     let picture = pictures::load_raw(&out).unwrap();
@@ -113,15 +114,19 @@ fn own_skies_are_no_worse_than_three_bands_and_suns_are_better() {
         let (width, height) = (128, 64);
         let texel = |k: usize| {
             let theta = std::f64::consts::PI * ((k / width) as f64 + 0.5) / height as f64;
-            let phi = std::f64::consts::TAU * ((k % width) as f64 + 0.5) / width as f64 - std::f64::consts::PI;
+            let phi =
+                std::f64::consts::TAU * ((k % width) as f64 + 0.5) / width as f64 - std::f64::consts::PI;
             let d = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
             let along = (0..3).map(|i| d[i] * sun[i] / length).sum::<f64>();
             let l = 0.3 + 0.2 * d[2] + strength * (400.0 * (along - 1.0)).exp();
             [l, 0.9 * l, 0.8 * l].map(|c| c as f32)
         };
         let file = std::env::temp_dir().join(format!("halflight-sky-{}-{seed}.hdr", std::process::id()));
-        pictures::save_hdr(&file, &Image::from_pixels(width, height, (0..width * height).map(texel).collect()).unwrap())
-            .unwrap();
+        pictures::save_hdr(
+            &file,
+            &Image::from_pixels(width, height, (0..width * height).map(texel).collect()).unwrap(),
+        )
+        .unwrap();
         let [three, web, bands] = errors(&file, &["--as", "equirect"]);
         println!("sky {seed}: threejs {three:.4}, webxr {web:.4}, three bands {bands:.4}");
         if seed == 0 {
@@ -157,7 +162,11 @@ fn measured_skies_are_nearer_the_truth_than_by_three_bands() {
 #[test]
 fn a_uniform_sky_is_valid_and_dark_and_signs_are_each_program_s() {
     let file = std::env::temp_dir().join(format!("halflight-even-{}.hdr", std::process::id()));
-    let sided = Image::from_pixels(64, 32, (0..64 * 32).map(|k| [if k % 64 < 32 { 0.5f32 } else { 1.0 }; 3]).collect());
+    let sided = Image::from_pixels(
+        64,
+        32,
+        (0..64 * 32).map(|k| [if k % 64 < 32 { 0.5f32 } else { 1.0 }; 3]).collect(),
+    );
     for (picture, is_even) in [(Image::filled(64, 32, [0.5, 0.25, 0.125]), true), (sided.unwrap(), false)] {
         pictures::save_hdr(&file, &picture).unwrap();
         let name = file.display().to_string();

@@ -57,7 +57,14 @@ fn sky(folder: &Folder, name: impl AsRef<OsStr>) -> PathBuf {
 }
 
 fn light(sky: &Path, out: &Path) -> Output {
-    tool(&[OsStr::new("light"), sky.as_os_str(), OsStr::new("--as"), OsStr::new("equirect"), OsStr::new("--out"), out.as_os_str()])
+    tool(&[
+        OsStr::new("light"),
+        sky.as_os_str(),
+        OsStr::new("--as"),
+        OsStr::new("equirect"),
+        OsStr::new("--out"),
+        out.as_os_str(),
+    ])
 }
 
 #[test]
@@ -123,8 +130,11 @@ fn odd_names_work() {
         let recording = named(b".mcap");
         let text = OsStr::new;
         let synth = [
-            text("synth"), text("--frames"), text("3"), text("--size"), text("64x48"), text("--out"),
-            recording.as_os_str(), text("--json"),
+            text("record"),
+            text("synthetic:frames=3,size=64x48,texel_mm=20"),
+            text("--out"),
+            recording.as_os_str(),
+            text("--json"),
         ];
         let output = tool(&synth);
         assert_eq!(status(&output), 0, "{}", said(&output));
@@ -134,13 +144,23 @@ fn odd_names_work() {
         std::fs::write(&config, "[quality]\npcf_taps = 2").unwrap();
         let out = named(b"-out");
         let replay = [
-            text("replay"), recording.as_os_str(), text("--scene"), scene.as_os_str(), text("--config"),
-            config.as_os_str(), text("--out"), out.as_os_str(), text("--json"),
+            text("replay"),
+            recording.as_os_str(),
+            text("--scene"),
+            scene.as_os_str(),
+            text("--config"),
+            config.as_os_str(),
+            text("--out"),
+            out.as_os_str(),
+            text("--json"),
         ];
         let output = tool(&replay);
         assert_eq!(status(&output), 0, "{}", said(&output));
         assert!(out.join("frames/frame_000002.png").is_file() && out.join("report.json").is_file());
-        for arguments in [[text("check"), scene.as_os_str(), text("--json")], [text("check"), config.as_os_str(), text("--json")]] {
+        for arguments in [
+            [text("check"), scene.as_os_str(), text("--json")],
+            [text("check"), config.as_os_str(), text("--json")],
+        ] {
             assert_eq!(status(&tool(&arguments)), 0);
         }
     }
@@ -181,7 +201,7 @@ fn what_is_there_is_refused_or_replaced_never_mixed() {
 fn checks_that_cost_nothing_come_first() {
     let folder = Folder::new("first");
     let recording = folder.at("a.mcap").display().to_string();
-    let made = tool(&["synth", "--frames", "3", "--size", "64x48", "--out", &recording]);
+    let made = tool(&["record", "synthetic:frames=3,size=64x48,texel_mm=20", "--out", &recording]);
     assert_eq!(status(&made), 0);
     let refused = |arguments: &[&str], words: &[&str]| {
         let output = tool(arguments);
@@ -196,7 +216,9 @@ fn checks_that_cost_nothing_come_first() {
     let nowhere = folder.at("no/such.png").display().to_string();
     refused(&["render", scene, "--out", &nowhere], &["there is no folder", "no"]);
     refused(&["synth", "--out", &nowhere], &["there is no folder"]);
-    for verb in [&["render", scene][..], &["synth", "--out", "x.mcap"], &["trace", scene, "--out", "x"], &["devices"]] {
+    for verb in
+        [&["render", scene][..], &["synth", "--out", "x.mcap"], &["trace", scene, "--out", "x"], &["devices"]]
+    {
         refused(&[verb, &["--threads", "257"]].concat(), &["--threads = 257", "0..=256"]);
     }
     refused(&["render", scene, "--set", "quality.pcf_taps=99"], &["quality.pcf_taps = 99", "1..=8"]);

@@ -23,7 +23,8 @@ fn the_unit_exposes_little() {
         let why = String::from_utf8_lossy(&said.stderr);
         return support::skipped(&format!("the unit's exposure: systemd-analyze cannot look offline: {why}"));
     };
-    let number: f64 = level.split(": ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
+    let number: f64 =
+        level.split(": ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
     println!("exposure {number}");
     assert!(number <= 1.5, "{text}");
 }

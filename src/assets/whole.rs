@@ -134,7 +134,8 @@ impl Seek for WholeFile {
 /// A new file beside another, of a name that nobody else uses.
 fn beside(file: &Path) -> io::Result<(PathBuf, File)> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
-    let name = file.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "it has no name"))?;
+    let name =
+        file.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "it has no name"))?;
     let kept = &name.as_bytes()[..name.len().min(KEPT_OF_NAME)];
     loop {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);

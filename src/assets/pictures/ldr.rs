@@ -3,11 +3,11 @@
 use super::{MAX_PIXELS, MAX_SIDE, check_size};
 use crate::{
     error::AssetError,
-    whole,
     model::{
         image::{Image, RadianceImage, Rgb8Image},
         jpeg,
     },
+    whole,
 };
 use image::{DynamicImage, ExtendedColorType, ImageFormat, ImageReader, Limits};
 use std::{io::Cursor, path::Path};

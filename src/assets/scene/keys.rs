@@ -20,13 +20,25 @@ pub struct SceneKey {
 
 /// One table of the file: its name, how it is written, and what it is for.
 pub const SECTIONS: [(&str, &str, &str); 9] = [
-    ("camera", "[camera]", "The camera of a still. A recording brings its own; its lens is then replaced by this one."),
+    (
+        "camera",
+        "[camera]",
+        "The camera of a still. A recording brings its own; its lens is then replaced by this one.",
+    ),
     ("camera.lens", "[camera] lens = { .. }", "The lens in numbers, in pixels: pixel (0, 0) covers 0 to 1."),
-    ("light", "[light]", "Where the light of a still comes from: one of `measure`, `file`, `constant` and `to_light` (the last two together or alone)."),
+    (
+        "light",
+        "[light]",
+        "Where the light of a still comes from: one of `measure`, `file`, `constant` and `to_light` (the last two together or alone).",
+    ),
     ("room", "[room]", "Known geometry of the real place: near light and its shadows."),
     ("ball", "[ball]", "The mirror ball that light is read off."),
     ("tag", "[[tag]]", "AprilTags (36h11) whose places are known; one table for each."),
-    ("surface", "[[surface]]", "Real surfaces: they receive virtual shadows and hide what lies behind them; one table for each."),
+    (
+        "surface",
+        "[[surface]]",
+        "Real surfaces: they receive virtual shadows and hide what lies behind them; one table for each.",
+    ),
     ("object", "[[object]]", "Virtual objects; one table for each."),
     ("object.material", "[[object]] material = { .. }", "What an object is made of."),
 ];
@@ -156,7 +168,9 @@ pub fn manual() -> String {
          the reader knows.\n",
     );
     for (section, written, what) in SECTIONS {
-        out += &format!("\n## `{written}`\n\n{what}\n\n| key | unit | must be | default | effect |\n|---|---|---|---|---|\n");
+        out += &format!(
+            "\n## `{written}`\n\n{what}\n\n| key | unit | must be | default | effect |\n|---|---|---|---|---|\n"
+        );
         for key in KEYS.iter().filter(|key| key.section == section) {
             let SceneKey { name, unit, range, default, effect, .. } = key;
             out += &format!("| `{name}` | {unit} | {range} | {default} | {effect} |\n");
@@ -194,7 +208,10 @@ mod tests {
             let of_shapes = shapes.iter().flat_map(|shape| with(&format!("shape = \"{shape}\"")));
             of_shapes.chain(with(more)).collect()
         };
-        found.push(("surface", union("surface", &["plane", "box", "sphere", "cylinder", "quad"], "file = \"no.obj\"")));
+        found.push((
+            "surface",
+            union("surface", &["plane", "box", "sphere", "cylinder", "quad"], "file = \"no.obj\""),
+        ));
         let shapes =
             ["pawn", "pawn_with_ring", "vase", "sphere", "box", "cylinder", "capsule", "torus", "torus_knot"];
         found.push(("object", union("object", &shapes, "file = \"no.glb\"")));

@@ -39,7 +39,8 @@ pub fn compact_lights(samples: &RadianceSamples, most: usize) -> Vec<Directional
         return Vec::new();
     }
     let normals: Vec<DVec3> = (0..NORMALS).map(|j| spiral::direction(j, NORMALS)).collect();
-    let mut missing: Vec<[f64; 3]> = normals.iter().map(|normal| beyond_three_bands(samples, *normal)).collect();
+    let mut missing: Vec<[f64; 3]> =
+        normals.iter().map(|normal| beyond_three_bands(samples, *normal)).collect();
     let mut out = Vec::new();
     for (to_light, irradiance) in found.into_iter().take(most) {
         let brought: Vec<f64> = normals.iter().map(|normal| kernel(normal.dot(to_light))).collect();
@@ -137,7 +138,8 @@ mod tests {
         for j in 0..500 {
             let normal = spiral::direction(j, 500);
             let missing = beyond_three_bands(samples, normal);
-            let of = |light: &DirectionalLight| kernel(normal.dot(Vec3::from(light.to_light_world).as_dvec3()));
+            let of =
+                |light: &DirectionalLight| kernel(normal.dot(Vec3::from(light.to_light_world).as_dvec3()));
             for c in 0..3 {
                 let brought: f64 =
                     lights.iter().map(|light| f64::from(light.irradiance_rgb[c]) * of(light)).sum();
@@ -149,7 +151,9 @@ mod tests {
                 .iter()
                 .zip(&samples.radiance)
                 .step_by(16)
-                .map(|(d, l)| normal.dot(Vec3::new(d[0], d[1], d[2]).as_dvec3()).max(0.0) * f64::from(d[3] * l[0]))
+                .map(|(d, l)| {
+                    normal.dot(Vec3::new(d[0], d[1], d[2]).as_dvec3()).max(0.0) * f64::from(d[3] * l[0])
+                })
                 .sum();
             mean += 16.0 * whole / 500.0;
         }
@@ -160,9 +164,8 @@ mod tests {
     fn skies_with_a_sun_are_better_and_no_sky_is_worse() {
         for seed in 0..12 {
             let mut dice = Dice::new(seed);
-            let mut to = || {
-                Vec3::new(dice.normal() as f32, dice.normal() as f32, dice.normal() as f32).normalize()
-            };
+            let mut to =
+                || Vec3::new(dice.normal() as f32, dice.normal() as f32, dice.normal() as f32).normalize();
             let (sun, lamp, cloud) = (to(), to(), to());
             let width = 0.02 + 0.02 * seed as f32;
             let [ours, bands] = errors(&sky(0.2, &[(sun, width, 300.0), (cloud, 0.8, 1.5)]), 4);

@@ -115,10 +115,12 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
     let is_setting = |name: &str| keys::KEYS.iter().any(|key| key.name == name);
     let has = |section: &str| scene::keys::SECTIONS.iter().any(|(known, ..)| *known == section);
     let of_settings = typed.iter().any(|(section, value)| {
-        let inner = value.as_table().is_some_and(|t| t.keys().any(|key| is_setting(&format!("{section}.{key}"))));
+        let inner =
+            value.as_table().is_some_and(|t| t.keys().any(|key| is_setting(&format!("{section}.{key}"))));
         inner || !has(section)
     });
-    let of_scene = ["room", "ball", "tag", "surface", "object"].iter().any(|section| typed.contains_key(*section));
+    let of_scene =
+        ["room", "ball", "tag", "surface", "object"].iter().any(|section| typed.contains_key(*section));
     let is_plain = typed.is_empty() || (of_settings && !of_scene);
     Ok(if is_plain { Kind::Settings } else { Kind::Scene })
 }

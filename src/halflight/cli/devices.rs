@@ -13,8 +13,7 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     let cpu = CpuEngine::new(global.threads()?)?;
     let mut engines = vec![("cpu", Ok(cpu.description()))];
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
-        engines
-            .push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
+        engines.push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
     if global.json {
         let engines: Vec<_> = engines
@@ -26,7 +25,10 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
                 Err(why) => serde_json::json!({ "engine": name, "usable": false, "why": why }),
             })
             .collect();
-        println!("{}", serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "engines": engines }));
+        println!(
+            "{}",
+            serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "engines": engines })
+        );
         return Ok(());
     }
     println!("cameras");

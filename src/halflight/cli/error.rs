@@ -181,11 +181,17 @@ mod tests {
     #[test]
     fn machines_are_told_every_mistake_and_the_status() {
         let error = AssetError::new(Path::new("s.toml"), "camera.fx").value(-3).allowed("positive");
-        let error = AssetError::together([error.at(TextPosition { line: 3, column: 6 }), AssetError::new(Path::new("s.toml"), "gone")]);
+        let error = AssetError::together([
+            error.at(TextPosition { line: 3, column: 6 }),
+            AssetError::new(Path::new("s.toml"), "gone"),
+        ]);
         let told = CliError::from(error.unwrap()).json();
         assert_eq!(told["error"]["mistakes"][0]["line"], 3);
         assert_eq!(told["error"]["mistakes"][0]["message"], "camera.fx = -3: must be positive");
-        assert_eq!((&told["error"]["mistakes"][1]["line"], &told["error"]["exit_status"]), (&Value::Null, &json!(2)));
+        assert_eq!(
+            (&told["error"]["mistakes"][1]["line"], &told["error"]["exit_status"]),
+            (&Value::Null, &json!(2))
+        );
         let no_gpu = CliError::from(EngineError::NoAdapter("none".into()));
         assert_eq!(no_gpu.status, exit::DEVICE);
     }

@@ -10,12 +10,12 @@ use crate::lab::{
     case::{self, CaseStills, default_image},
     still::of_scene,
 };
+use crate::model::path_text;
 use crate::pipeline::{
     PipelineError,
     frame::Shown,
     turns::{FinishedFrame, FrameSink},
 };
-use crate::model::path_text;
 use crate::plan::{Decision, FramePlan};
 use std::path::PathBuf;
 

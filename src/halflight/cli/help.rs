@@ -44,11 +44,7 @@ const VERBS: [VerbHelp; 17] = [
     VerbHelp { name: "hdr", about: hdr::LONG_ABOUT, shared: COMPUTES },
     VerbHelp { name: "tags", about: "Find AprilTags and their poses.", shared: &["digest"] },
     VerbHelp { name: "record", about: record::LONG_ABOUT, shared: &["digest"] },
-    VerbHelp {
-        name: "spheres",
-        about: "Fit spheres to a model, for its soft shadow.",
-        shared: &["digest"],
-    },
+    VerbHelp { name: "spheres", about: "Fit spheres to a model, for its soft shadow.", shared: &["digest"] },
     VerbHelp {
         name: "room",
         about: "Show a known room: what its surfaces send out and reflect, and what a probe saw of it.",
@@ -102,9 +98,9 @@ const FLAGS: [(&str, &str); 24] = [
 pub fn command() -> Command {
     let command = CommandLine::command();
     let shared: Vec<Arg> = command.get_arguments().filter(|arg| arg.is_global_set()).cloned().collect();
-    VERBS.iter().fold(command, |command, verb| {
-        command.mut_subcommand(verb.name, |sub| dressed(sub, verb, &shared))
-    })
+    VERBS
+        .iter()
+        .fold(command, |command, verb| command.mut_subcommand(verb.name, |sub| dressed(sub, verb, &shared)))
 }
 
 fn dressed(mut sub: Command, verb: &VerbHelp, shared: &[Arg]) -> Command {
@@ -193,7 +189,8 @@ mod tests {
     #[test]
     fn a_hidden_option_is_still_understood() {
         use clap::FromArgMatches;
-        let matches = command().try_get_matches_from(["halflight", "check", "a.toml", "--digest", "--json"]).unwrap();
+        let matches =
+            command().try_get_matches_from(["halflight", "check", "a.toml", "--digest", "--json"]).unwrap();
         let line = CommandLine::from_arg_matches(&matches).unwrap();
         assert!(line.global.digest && line.global.json);
     }

@@ -74,12 +74,7 @@ fn read_stamp(folder: &Path) -> Option<Stamp> {
 }
 
 /// The files in `folder` of the run that left `patterns` in `top`.
-fn gather(
-    top: &Path,
-    folder: &Path,
-    patterns: &[String],
-    files: &mut Vec<PathBuf>,
-) -> Result<(), CliError> {
+fn gather(top: &Path, folder: &Path, patterns: &[String], files: &mut Vec<PathBuf>) -> Result<(), CliError> {
     let on = |e: std::io::Error| CliError::on(folder.display(), format!("cannot be read: {e}"));
     for entry in std::fs::read_dir(folder).map_err(on)? {
         let entry = entry.map_err(on)?;
@@ -182,13 +177,19 @@ mod tests {
     fn a_run_replaces_the_one_before_and_leaves_those_beside_it() {
         let out = Folder::new("replaced");
         begin(&out.0, "replay", &["frames/frame_*.png", "report.json"]).unwrap();
-        for name in ["frames/frame_000001.png", "frames/frame_000002.png", "report.json", ".report.json.7-0.part"] {
+        for name in
+            ["frames/frame_000001.png", "frames/frame_000002.png", "report.json", ".report.json.7-0.part"]
+        {
             out.put(name);
         }
         begin(&out.0.join("room"), "figures", &["*.png"]).unwrap();
         out.put("room/a.png");
         begin(&out.0, "figures", &["*.png"]).unwrap();
-        assert!(!out.has("frames/frame_000001.png") && !out.has("report.json") && !out.has(".report.json.7-0.part"));
+        assert!(
+            !out.has("frames/frame_000001.png")
+                && !out.has("report.json")
+                && !out.has(".report.json.7-0.part")
+        );
         assert!(out.has("room/a.png"));
         assert_eq!(read_stamp(&out.0).unwrap().verb, "figures");
         begin(&out.0.join("room"), "figures", &["*.png"]).unwrap();

@@ -2,11 +2,8 @@
 
 use super::output::write_file;
 use super::{CliError, GlobalOptions, global_options::EngineChoice, run_folder::need_folder_of};
-use crate::engine::{
-    cpu::CpuEngine,
-    gpu::Backend,
-};
 use crate::daemon::{engines::gpu, exit};
+use crate::engine::{cpu::CpuEngine, gpu::Backend};
 use crate::lab::stress_report::{NamedEngine, StressReport, html, json, markdown, terminal};
 use crate::stress::{GROUPS, HardCase};
 use std::path::PathBuf;

@@ -169,8 +169,7 @@ pub fn run(arguments: TraceArguments, global: &GlobalOptions) -> Result<(), CliE
     let noise_report = noise_json(&traced, &noise, &speed);
     write_file(&out.join("noise.json"), serde_json::to_string_pretty(&noise_report)?)?;
     if global.json {
-        let mut report =
-            serde_json::json!({"format": super::JSON_FORMAT, "input": shown(&arguments.input), "out": shown(out), "notes": notes, "noise": noise_report});
+        let mut report = serde_json::json!({"format": super::JSON_FORMAT, "input": shown(&arguments.input), "out": shown(out), "notes": notes, "noise": noise_report});
         if global.digest {
             report["digest"] = digest.into();
         }

@@ -19,7 +19,9 @@ use crate::light::{
 };
 use crate::model::{
     estimate::LightFlags,
-    light::{DirectionalLight, EnvironmentMap, MAX_LIGHTS, MapLayout, RadianceSamples, RadianceSh, SplitLight},
+    light::{
+        DirectionalLight, EnvironmentMap, MAX_LIGHTS, MapLayout, RadianceSamples, RadianceSh, SplitLight,
+    },
     quality::SplitKind,
 };
 use std::path::{Path, PathBuf};
@@ -262,8 +264,9 @@ fn split_kind(
     shape: Option<formats::LightFormat>,
 ) -> Result<SplitKind, CliError> {
     match &arguments.split {
-        Some(name) => SplitKind::from_name(name)
-            .ok_or_else(|| CliError(format!("--split = {name}: must be one of {}", SplitKind::NAMES.join(", ")))),
+        Some(name) => SplitKind::from_name(name).ok_or_else(|| {
+            CliError(format!("--split = {name}: must be one of {}", SplitKind::NAMES.join(", ")))
+        }),
         None if shape.is_some_and(formats::LightFormat::is_foreign) => Ok(SplitKind::Compact),
         None => Ok(SplitKind::Paper),
     }

@@ -2,21 +2,26 @@
 use std::process::Command;
 
 fn main() {
-    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=daemon/build.rs");
     println!("cargo:rerun-if-env-changed=HALFLIGHT_COMMIT");
     // While a program is worked on, a commit changes nothing that must be built again.
     let is_release = std::env::var("PROFILE").is_ok_and(|profile| profile == "release");
     if is_release {
         for name in ["HEAD", "logs/HEAD"] {
             // One that is missing would be a reason to build again every time.
-            if let Some(path) = git(&["rev-parse", "--git-path", name]).filter(|p| std::fs::exists(p).is_ok_and(|is| is)) {
+            if let Some(path) =
+                git(&["rev-parse", "--git-path", name]).filter(|p| std::fs::exists(p).is_ok_and(|is| is))
+            {
                 println!("cargo:rerun-if-changed={path}");
             }
         }
     }
     let given = std::env::var("HALFLIGHT_COMMIT").ok().filter(|commit| !commit.is_empty());
     // A tree that lies in some other repository is not built from that one.
-    let own = || git(&["ls-files", "--error-unmatch", "build.rs"]).and_then(|_| git(&["rev-parse", "--short=12", "HEAD"]));
+    let own = || {
+        git(&["ls-files", "--error-unmatch", "daemon/build.rs"])
+            .and_then(|_| git(&["rev-parse", "--short=12", "HEAD"]))
+    };
     let commit = match given.or_else(own) {
         Some(commit) if is_release => format!("commit {commit}"),
         Some(commit) => format!("commit {commit} or later, debug"),
