@@ -19,6 +19,20 @@ fn default_toml_is_the_manual() {
 }
 
 #[test]
+fn the_page_of_scene_files_is_their_manual() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/scenes.md");
+    let manual = halflight::assets::scene::keys::manual();
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        std::fs::write(path, &manual).unwrap();
+    }
+    let on_disk = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(
+        on_disk == manual,
+        "docs/scenes.md differs from the key table; bless with: UPDATE_EXPECT=1 cargo test --test config"
+    );
+}
+
+#[test]
 fn kernel_names_are_the_plan_s() {
     let words = keys::KEYS.iter().find(|k| k.name == "engine.cpu_kernels").unwrap();
     let names: Vec<&str> = halflight::plan::Pass::ALL.iter().map(|p| p.name()).collect();

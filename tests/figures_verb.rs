@@ -22,7 +22,7 @@ fn every_sheet_is_written() {
     let folder = out.display().to_string();
     let room = "synthetic:frames=4,size=320x240,texel_mm=4";
     let (status, told, errors) =
-        figures(&[room, "--scene", SCENE, "--out", &folder, "--frame", "4", "--json"]);
+        figures(&[room, "--scene", SCENE, "--out", &folder, "--frame", "3", "--json"]);
     assert_eq!(status, 0, "{errors}");
     let told: serde_json::Value = serde_json::from_str(&told).unwrap();
     assert_eq!(told["written"].as_array().unwrap().len(), 5);
@@ -51,8 +51,9 @@ fn mistakes_are_named() {
     };
     refused(&["none.mcap", "--scene", SCENE, "--out", &out], &["none.mcap"]);
     refused(&["none.mcap", "--out", &out], &["--scene"]);
-    refused(&["none.mcap", "--scene", SCENE, "--out", &out, "--frame", "0"], &["--frame"]);
-    // After one frame of three exposures there is no light yet.
+    let beyond = ["synthetic:frames=3", "--scene", SCENE, "--out", &out, "--frame", "3"];
+    refused(&beyond, &["--frame = 3", "numbered 0 to 2"]);
+    // After two frames of three exposures there is no light yet.
     let first =
         ["synthetic:frames=3,size=160x120,texel_mm=10", "--scene", SCENE, "--out", &out, "--frame", "1"];
     refused(&first, &["--frame = 1", "later frame"]);

@@ -88,7 +88,18 @@ fn every_verb_keeps_to_its_schema() {
         serde_json::from_str(&std::fs::read_to_string(at("run/report.json")).unwrap()).unwrap();
     assert_eq!(replayed["digest"], stored["digest"]);
     assert!(replayed["stages"]["frame"]["median_ms"].is_number());
-    check("render", &[scene, "--digest"]);
+    let rendered = check("render", &[scene, "--digest"]);
+    // Nothing is both done and left out.
+    for plan in [&replayed["plan"], &rendered] {
+        let names = |list: &str| -> Vec<String> {
+            let list = plan[list].as_array().into_iter().flatten();
+            list.map(|pass| pass["pass"].as_str().unwrap().to_owned()).collect()
+        };
+        let (done, kept, left_out) = (names("passes"), names("kept"), names("left_out"));
+        assert!(!done.is_empty());
+        assert!(done.iter().all(|pass| !left_out.contains(pass) && !kept.contains(pass)), "{plan}");
+        assert!(kept.iter().all(|pass| !left_out.contains(pass)), "{plan}");
+    }
     check("explain", &[scene]);
     check("trace", &[scene, "--samples", "1", "--step-px", "8", "--out", &at("truth"), "--digest"]);
     check("light", &["tests/scenes/room.hdr", "--as", "equirect"]);

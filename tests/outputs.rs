@@ -130,11 +130,8 @@ fn odd_names_work() {
         let recording = named(b".mcap");
         let text = OsStr::new;
         let synth = [
-            text("synth"),
-            text("--frames"),
-            text("3"),
-            text("--size"),
-            text("64x48"),
+            text("record"),
+            text("synthetic:frames=3,size=64x48,texel_mm=20"),
             text("--out"),
             recording.as_os_str(),
             text("--json"),
@@ -204,7 +201,7 @@ fn what_is_there_is_refused_or_replaced_never_mixed() {
 fn checks_that_cost_nothing_come_first() {
     let folder = Folder::new("first");
     let recording = folder.at("a.mcap").display().to_string();
-    let made = tool(&["synth", "--frames", "3", "--size", "64x48", "--out", &recording]);
+    let made = tool(&["record", "synthetic:frames=3,size=64x48,texel_mm=20", "--out", &recording]);
     assert_eq!(status(&made), 0);
     let refused = |arguments: &[&str], words: &[&str]| {
         let output = tool(arguments);

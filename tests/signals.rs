@@ -50,7 +50,7 @@ fn wait_for(lines: &mut impl BufRead, word: &str) -> String {
     }
 }
 
-const ROOM: &str = "device.camera=\"synthetic:frames=1000000,size=64x48\"";
+const ROOM: &str = "device.camera=\"synthetic:frames=1000000,size=64x48,texel_mm=20\"";
 
 #[test]
 fn the_daemon_ends_with_its_counts_reads_again_and_goes_on_without_its_folder() {
@@ -137,14 +137,16 @@ fn record_and_synth_keep_what_they_have_and_other_verbs_leave_nothing() {
         let mut command = Command::new(program);
         match verb {
             "synth" => command.args(["synth", "--frames", "1000000", "--size", "64x48"]),
-            _ => command.args(["record", "synthetic:frames=1000000,size=64x48"]),
+            _ => command.args(["record", "synthetic:frames=1000000,size=64x48,texel_mm=20"]),
         };
         let child = command.args(["--out", &out, "--json"]).stdout(Stdio::piped()).spawn().unwrap();
         // The recording is there under another name as soon as the signals are followed, or a little before.
         let is_begun = || {
-            std::fs::read_dir(&folder.0)
-                .unwrap()
-                .any(|entry| entry.unwrap().metadata().unwrap().len() > 50_000)
+            let mut entries = std::fs::read_dir(&folder.0).unwrap().flatten();
+            entries.any(|entry| {
+                let is_part = entry.path().extension().is_some_and(|e| e == "part");
+                is_part && entry.metadata().is_ok_and(|about| about.len() > 50_000)
+            })
         };
         while !is_begun() {
             std::thread::yield_now();

@@ -354,7 +354,8 @@ fn the_verb_prints_json_and_draws() {
         halflight(&["tags", picture, "--camera", &camera, "--size", "0.065", "--json", "--out", drawn]);
     assert_eq!(status, 0);
     let list: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let tags = list.as_array().unwrap();
+    assert_eq!(list["format"], 1);
+    let tags = list["tags"].as_array().unwrap();
     assert_eq!(tags.len(), 1);
     let tag = &tags[0];
     assert_eq!(tag["id"], 76);

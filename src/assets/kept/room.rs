@@ -4,8 +4,11 @@
 use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+
+/// When a file was used last, seconds and nanoseconds.
+type LastUse = (i64, i64);
 
 /// Ending of what is being written.
 const PART: &str = "part";
@@ -42,8 +45,9 @@ pub fn sweep(folder: &Path) {
 
 /// Notes that a file was used now.
 pub fn touch(file: &Path) {
-    // A cache that may only be read still serves.
-    let _ = File::options().append(true).open(file).and_then(|f| f.set_modified(SystemTime::now()));
+    // The system notes the time of every change of a file's length, to the same length, too. A cache that may only be read
+    // still serves.
+    let _ = File::options().append(true).open(file).and_then(|f| f.set_len(f.metadata()?.len()));
 }
 
 /// Removes what was not used for the longest time until all kinds below `folder` together have at most so many bytes,
@@ -77,12 +81,12 @@ fn folders(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Regular files of one ending with their bytes and the time of their last use.
-fn files(folder: &Path, ending: &str) -> Vec<(PathBuf, u64, SystemTime)> {
+fn files(folder: &Path, ending: &str) -> Vec<(PathBuf, u64, LastUse)> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let of = |entry: std::fs::DirEntry| {
         let (path, about) = (entry.path(), entry.metadata().ok()?);
         let is_ours = about.is_file() && path.extension() == Some(OsStr::new(ending));
-        is_ours.then(|| (path, about.len(), about.modified().unwrap_or(SystemTime::UNIX_EPOCH)))
+        is_ours.then(|| (path, about.len(), (about.mtime(), about.mtime_nsec())))
     };
     entries.filter_map(of).collect()
 }
@@ -90,7 +94,7 @@ fn files(folder: &Path, ending: &str) -> Vec<(PathBuf, u64, SystemTime)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+    use std::time::{Duration, SystemTime};
 
     fn folder(name: &str) -> PathBuf {
         let path = std::env::temp_dir().join(format!("halflight-room-{name}-{}", std::process::id()));

@@ -14,70 +14,68 @@ pub struct QualityFlags {
     /// it.
     #[arg(long, value_name = "NAME")]
     pub preset: Option<String>,
-    /// The measured front: bundled, or a file front.json that `halflight tradeoff` wrote [default: bundled].
+    /// The measured front: bundled, or a file front.json that `halflight tradeoff` wrote.
     #[arg(long, value_name = "FILE")]
     pub front: Option<PathBuf>,
-    /// SH order of the light: 2 to 6 [default: 4].
+    /// SH order of the light.
     #[arg(long, value_name = "N")]
     pub sh_order: Option<i64>,
     /// How light is split into hard and soft: compact (lights with their extent), paper or bounded (one light by net flux), or
-    /// sh (all of it soft) [default: compact].
+    /// sh (all of it soft).
     #[arg(long, value_name = "KIND")]
     pub split: Option<String>,
-    /// How many compact lights are looked for, the brightest first: 1 to 4 [default: 4].
+    /// How many compact lights are looked for, the brightest first.
     #[arg(long, value_name = "N")]
     pub lights: Option<i64>,
     /// Damp the soft half of the light until it shines negatively on no surface, and no more; `render` says what that
     /// costs.
     #[arg(long)]
     pub dering: bool,
-    /// How the visibility of many spheres is computed: dc, linear, hybrid, squared, chain or directions
-    /// [default: directions].
+    /// How the visibility of many spheres is computed: dc, linear, hybrid, squared, chain or directions.
     #[arg(long, value_name = "RUNG")]
     pub rung: Option<String>,
-    /// Spheres that stand for each body where it blocks soft light: 4 to 64, or 0 = as the scene says [default: 0].
+    /// Spheres that stand for each body where it blocks soft light.
     #[arg(long, value_name = "N")]
     pub spheres: Option<i64>,
-    /// Directions that the rung `directions` tests: 32 to 256 [default: 128].
+    /// Directions that the rung `directions` tests.
     #[arg(long, value_name = "N")]
     pub directions: Option<i64>,
-    /// Where soft shadows on real surfaces are evaluated: pixel or vertex [default: pixel].
+    /// Where soft shadows on real surfaces are evaluated: pixel or vertex.
     #[arg(long, value_name = "WHERE")]
     pub soft_at: Option<String>,
-    /// Soft shadows on real surfaces at every n-th pixel of every n-th row: 1, 2 or 4 [default: 4].
+    /// Soft shadows on real surfaces at every n-th pixel of every n-th row.
     #[arg(long, value_name = "N")]
     pub soft_step_px: Option<i64>,
     /// The shadow of what never moves on itself in soft light, matt and glossy: openness, or transfer (precomputed with
-    /// rays and kept in the cache folder) [default: transfer].
+    /// rays and kept in the cache folder).
     #[arg(long, value_name = "KIND")]
     pub self_shadow: Option<String>,
-    /// How glossy lobes are scaled: energy-safe or paper [default: energy-safe].
+    /// How glossy lobes are scaled: energy-safe or paper.
     #[arg(long, value_name = "NORM")]
     pub phong_norm: Option<String>,
-    /// Shadow maps that compact lights share: 1 to 256 [default: 8].
+    /// Shadow maps that compact lights share.
     #[arg(long, value_name = "N")]
     pub shadow_maps: Option<i64>,
-    /// Shadow map texels a side: 64 to 4096 [default: 1024].
+    /// Shadow map texels a side.
     #[arg(long, value_name = "N")]
     pub shadow_map_texels: Option<i64>,
-    /// Taps a side of the shadow filter: 1 to 8 [default: 4].
+    /// Taps a side of the shadow filter.
     #[arg(long, value_name = "N")]
     pub pcf_taps: Option<i64>,
-    /// Which effects a frame has: called_for (by scene, light and view; what has not changed is kept) or all
-    /// [default: called_for].
+    /// Which effects a frame has: called_for (by scene, light and view; what has not changed is kept) or all.
     #[arg(long, value_name = "WHICH")]
     pub effects: Option<String>,
-    /// Newest frames of different exposure that are merged: 1 to 9.
+    /// Newest frames of different exposure that are merged.
     #[arg(long, value_name = "N")]
     pub brackets: Option<i64>,
-    /// Measure the light on every n-th frame: 1 to 60.
+    /// Measure the light on every n-th frame.
     #[arg(long, value_name = "N")]
     pub light_every: Option<i64>,
-    /// Coverage samples for each pixel at the edges of objects: 1 or 4.
+    /// Coverage samples for each pixel at the edges of objects.
     #[arg(long, value_name = "N")]
     pub coverage_samples: Option<i64>,
     /// How the picture loses the light of a known room that objects hide: ratio (exact), or ldr (from 8-bit values, light by
-    /// light, as [Gib03] did) [default: ratio].
+    /// light, as [Gib03] did).
     #[arg(long, value_name = "FORM")]
     pub near_form: Option<String>,
 }

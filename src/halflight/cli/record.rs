@@ -5,7 +5,7 @@ use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
-use crate::daemon::stop_signals;
+use crate::daemon::{exit, stop_signals};
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
@@ -68,6 +68,16 @@ pub struct RecordArguments {
     coding: Coding,
 }
 
+/// A signal to end the recording, which SIGINT and SIGTERM raise from now on.
+///
+/// # Errors
+/// The system gives no handler.
+pub fn stop_of_signals() -> Result<Signal, CliError> {
+    let stop = Signal::default();
+    stop_signals::raise(stop.clone()).map_err(|e| CliError::on("signals", e))?;
+    Ok(stop)
+}
+
 /// The tape of a recording that is there whole or not at all.
 pub type WholeTape = Tape<WholeFile>;
 
@@ -83,6 +93,8 @@ pub fn tape(out: &Path, coding: PictureCoding, setup: Setup) -> Result<WholeTape
 
 /// When to stop; a source that ends stops too.
 pub struct Limit {
+    /// As soon as it is raised.
+    pub stop: Signal,
     /// After so many frames.
     pub frames: Option<u64>,
     /// After so many seconds since the first frame.
@@ -113,15 +125,13 @@ pub fn pump(
     limit: &Limit,
     expected: u64,
 ) -> Result<RecordedFrames, CliError> {
-    let stop = Signal::default();
-    stop_signals::raise(stop.clone()).map_err(|e| CliError::on("signals", e))?;
     let bar = Bar::of_count(Some(expected), "frames");
     let clock = MonotonicClock::new();
     let mut seen = RecordedFrames::default();
     let mut samples = Vec::new();
     let mut first = None;
     let mut patience = clock.now().plus_seconds(PATIENCE_S);
-    while !stop.is_raised() && limit.frames.is_none_or(|most| seen.frames < most) {
+    while !limit.stop.is_raised() && limit.frames.is_none_or(|most| seen.frames < most) {
         let deadline = match frames.delivers_at_once() {
             true => Timestamp::NEVER,
             false => clock.now().plus_seconds(LOOK_EVERY_S),
@@ -150,6 +160,10 @@ pub fn pump(
         if limit.seconds.is_some_and(|most| seen.span_s >= most) {
             break;
         }
+    }
+    if seen.frames == 0 && limit.stop.is_raised() {
+        return Err(CliError("interrupted before the first frame: nothing is recorded".into())
+            .with_status(exit::INTERRUPTED));
     }
     seen.truth = frames.truth();
     drop(bar);
@@ -214,7 +228,7 @@ fn replayed(device: &str) -> PathBuf {
 
 /// Runs `halflight record`.
 pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let a = &arguments;
+    let (a, stop) = (&arguments, stop_of_signals()?);
     if let Some(seconds) = a.seconds.filter(|s| !(*s > 0.0 && s.is_finite())) {
         return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
     }
@@ -240,7 +254,7 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
     let tape = tape(&a.out, coding, setup)?;
     let mut frames = Recorder::new(opened.frames, tape.clone());
     let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
-    let limit = Limit { frames: a.frames, seconds: a.seconds };
+    let limit = Limit { stop, frames: a.frames, seconds: a.seconds };
     let tee = imu.as_mut().map(|imu| imu as &mut dyn ImuSource);
     let seen = pump(&mut frames, tee, &limit, expected)?;
     report("record", &a.out, &tape, seen, coding, global)

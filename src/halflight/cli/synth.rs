@@ -81,7 +81,7 @@ fn point(text: &str) -> Result<DVec3, String> {
 
 /// Runs `halflight synth`.
 pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let a = &arguments;
+    let (a, stop) = (&arguments, record::stop_of_signals()?);
     let exposures = a.exposures.replace(',', ":");
     let name = format!(
         "frames={},size={},exposures={exposures},fps={},seed={},noise={},motion={},view={}",
@@ -111,7 +111,7 @@ pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliE
     let tape = record::tape(&a.out, coding, setup)?;
     let mut imu = ImuRecorder::new(imu, tape.clone());
     let mut frames = Recorder::new(frames, tape.clone());
-    let limit = record::Limit { frames: Some(options.frames), seconds: None };
+    let limit = record::Limit { stop, frames: Some(options.frames), seconds: None };
     let seen = record::pump(&mut frames, Some(&mut imu), &limit, options.frames)?;
     record::report("synth", &a.out, &tape, seen, coding, global)
 }

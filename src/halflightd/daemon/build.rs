@@ -4,7 +4,7 @@
 use std::process::Command;
 
 fn main() {
-    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=daemon/build.rs");
     if std::env::var("CARGO_CFG_TARGET_ENV").is_ok_and(|env| env == "gnu") {
         println!("cargo:rustc-link-arg-bins=-Wl,-z,pack-relative-relocs");
     }
@@ -24,7 +24,7 @@ fn main() {
     let given = std::env::var("HALFLIGHT_COMMIT").ok().filter(|commit| !commit.is_empty());
     // A tree that lies in some other repository is not built from that one.
     let own = || {
-        git(&["ls-files", "--error-unmatch", "build.rs"])
+        git(&["ls-files", "--error-unmatch", "daemon/build.rs"])
             .and_then(|_| git(&["rev-parse", "--short=12", "HEAD"]))
     };
     let commit = match given.or_else(own) {
