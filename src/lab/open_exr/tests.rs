@@ -2,7 +2,7 @@ use super::*;
 use crate::model::image::Image;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, ImageAttributes, IntegerBounds, Layer,
-    LayerAttributes, WritableImage,
+    LayerAttributes, Layers, WritableImage,
 };
 use proptest::prelude::*;
 
@@ -39,8 +39,8 @@ fn part(
 
 fn file_of(display: IntegerBounds, parts: Vec<Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    let mut image = ExrImage::empty(ImageAttributes::new(display));
-    image.layer_data = parts.into_iter().collect();
+    let layers: Layers<AnyChannels<FlatSamples>> = parts.into_iter().collect();
+    let image = ExrImage { attributes: ImageAttributes::new(display), layer_data: layers };
     image.write().to_buffered(&mut bytes).unwrap();
     bytes.into_inner()
 }

@@ -228,7 +228,7 @@ fn jpegs_that_are_cut_are_refused_with_the_reason_and_tables_are_not_needed() {
     }
     bare.extend_from_slice(&file[at..]);
     let layout = PixelLayout::packed(PixelFormat::Mjpeg, 24, 16);
-    let mut of = |bytes: Vec<u8>| {
+    let of = |bytes: Vec<u8>| {
         let mut image = Rgb8Image::default();
         developer(SensorOptions::default()).rgb8(&pixels_of(layout, bytes), &mut image).unwrap();
         image
