@@ -159,10 +159,10 @@ fn many_meshes_of_one_skin_load() {
     nodes.extend((0..MANY).map(|k| format!("{{\"name\":\"joint\",\"translation\":[{k},0,0]}}")));
     nodes.extend((0..MANY).map(|_| "{\"mesh\":0,\"skin\":0}".to_owned()));
     let skins = format!(",\"skins\":[{{\"joints\":[{}]}}]", list(1));
-    // Weights are the positions' bytes, joints those of a part that is zero.
+    // The first position's zeros stand for weights, too: all hangs on the skin's first joint.
     let model = triangle(&skins, &nodes.join(","))
         .replace("\"attributes\":{\"POSITION\":0}", "\"attributes\":{\"POSITION\":0,\"JOINTS_0\":4,\"WEIGHTS_0\":5}")
-        .replace("\"count\":2,\"type\":\"VEC3\"}]", "\"count\":2,\"type\":\"VEC3\"},{\"componentType\":5121,\"count\":3,\"type\":\"VEC4\"},{\"componentType\":5126,\"count\":3,\"type\":\"VEC4\"}]");
+        .replace("\"count\":2,\"type\":\"VEC3\"}]", "\"count\":2,\"type\":\"VEC3\"},{\"bufferView\":0,\"componentType\":5121,\"count\":3,\"type\":\"VEC4\"},{\"bufferView\":0,\"componentType\":5121,\"normalized\":true,\"count\":3,\"type\":\"VEC4\"}]");
     for keys in ["spheres = 4", "spheres = 4\nheight_m = 0.2"] {
         folder.file("model.gltf", &model);
         let object = format!("[[object]]\nfile = \"model.gltf\"\n{keys}\n");

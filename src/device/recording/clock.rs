@@ -13,7 +13,7 @@ struct Stretch {
     shift_ns: i64,
     /// The file's last time in it.
     last_ns: i64,
-    /// The latest.
+    /// That which no other of it exceeds.
     latest_ns: i64,
 }
 

@@ -115,7 +115,7 @@ pub(super) struct CompressedImage<'a> {
     pub(super) data: std::borrow::Cow<'a, [u8]>,
 }
 
-/// In protobuf.
+/// Its last field of each number counts, as the encoding's guide asks.
 pub(super) fn compressed_of_protobuf(message: &[u8]) -> Result<CompressedImage<'_>, String> {
     let m = Proto::read(message)?;
     let format = String::from_utf8_lossy(m.bytes(3)).into_owned();
@@ -153,7 +153,7 @@ pub(super) struct RawImage<'a> {
     pub(super) data: std::borrow::Cow<'a, [u8]>,
 }
 
-/// In protobuf.
+/// Numbers that are left out are 0, as the encoding's guide asks.
 pub(super) fn raw_of_protobuf(message: &[u8]) -> Result<RawImage<'_>, String> {
     let m = Proto::read(message)?;
     let encoding = m.text(4)?.to_owned();
