@@ -102,12 +102,12 @@ fn scenes_that_no_room_holds_are_refused_with_the_range() {
 
 /// A glTF of one triangle; `more` is added to its JSON.
 fn triangle(more: &str, nodes: &str) -> String {
-    // Three positions and three indices of 16 bits.
-    let data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIA";
+    // Three positions, three indices of 16 bits, two times.
+    let data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIAAAAAAAAAAACAPw==";
     format!(
-        "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":42,\"uri\":\"data:;base64,{data}\"}}],
-\"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}},{{\"buffer\":0,\"byteOffset\":36,\"byteLength\":6}},{{\"buffer\":0,\"byteOffset\":8,\"byteLength\":8}},{{\"buffer\":0,\"byteLength\":24}}],
-\"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}},
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":52,\"uri\":\"data:;base64,{data}\"}}],
+\"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}},{{\"buffer\":0,\"byteOffset\":36,\"byteLength\":6}},{{\"buffer\":0,\"byteOffset\":44,\"byteLength\":8}},{{\"buffer\":0,\"byteLength\":24}}],
+\"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\",\"min\":[0,0,0],\"max\":[1,1,0]}},
 {{\"bufferView\":1,\"componentType\":5123,\"count\":3,\"type\":\"SCALAR\"}},
 {{\"bufferView\":2,\"componentType\":5126,\"count\":2,\"type\":\"SCALAR\"}},
 {{\"bufferView\":3,\"componentType\":5126,\"count\":2,\"type\":\"VEC3\"}}],
@@ -135,7 +135,7 @@ fn many_equal_names_and_many_nodes_of_one_skin_load() {
     assert_eq!(code, 0, "{said}");
     let (code, said) = with_model(&folder, &model, "animation = \"Run\"");
     assert!(code == 2 && said.contains("and 19970 more"), "{said}");
-    // 20,000 materials of one name, each in use.
+    // 2000 materials of one name, each in use.
     let primitive =
         |k: usize| format!("{{\"attributes\":{{\"POSITION\":0}},\"indices\":1,\"material\":{k}}}");
     let primitives: Vec<String> = (0..2000).map(primitive).collect();
@@ -144,11 +144,31 @@ fn many_equal_names_and_many_nodes_of_one_skin_load() {
         "{\"mesh\":0}",
     )
     .replace(&primitive(0).replace(",\"material\":0", ""), &primitives.join(","));
-    let out = folder.0.join("spheres.json");
-    folder.file("model.gltf", &model);
-    let _ = out;
     let (code, said) = with_model(&folder, &model, "spheres = 4");
     assert_eq!(code, 0, "{said}");
+}
+
+/// 1000 meshes that share one skin of 1000 joints: its matrices are made once.
+#[test]
+fn many_meshes_of_one_skin_load() {
+    const MANY: usize = 1000;
+    let folder = Folder::new("skins");
+    let list = |from: usize| (from..from + MANY).map(|k| k.to_string()).collect::<Vec<_>>().join(",");
+    // A root, the joints, the meshes.
+    let mut nodes = vec![format!("{{\"children\":[{},{}]}}", list(1), list(1 + MANY))];
+    nodes.extend((0..MANY).map(|k| format!("{{\"name\":\"joint\",\"translation\":[{k},0,0]}}")));
+    nodes.extend((0..MANY).map(|_| "{\"mesh\":0,\"skin\":0}".to_owned()));
+    let skins = format!(",\"skins\":[{{\"joints\":[{}]}}]", list(1));
+    // The first position's zeros stand for weights, too: all hangs on the skin's first joint.
+    let model = triangle(&skins, &nodes.join(","))
+        .replace("\"attributes\":{\"POSITION\":0}", "\"attributes\":{\"POSITION\":0,\"JOINTS_0\":4,\"WEIGHTS_0\":5}")
+        .replace("\"count\":2,\"type\":\"VEC3\"}]", "\"count\":2,\"type\":\"VEC3\"},{\"bufferView\":0,\"componentType\":5121,\"count\":3,\"type\":\"VEC4\"},{\"bufferView\":0,\"componentType\":5121,\"normalized\":true,\"count\":3,\"type\":\"VEC4\"}]");
+    for keys in ["spheres = 4", "spheres = 4\nheight_m = 0.2"] {
+        folder.file("model.gltf", &model);
+        let object = format!("[[object]]\nfile = \"model.gltf\"\n{keys}\n");
+        let (code, said) = render(&folder.file("scene.toml", scene("", "", &object)));
+        assert_eq!(code, 0, "{said}");
+    }
 }
 
 #[test]

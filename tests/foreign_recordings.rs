@@ -1,146 +1,23 @@
 //! Recordings that other programs write: without chunks or checksums, messages in another order, clocks that are set, Foxglove's
-//! schemas in JSON and protobuf, ROS 2's bags, pictures in many encodings. Made here by rule; the handed cases as well.
+//! schemas in JSON and protobuf, pictures in many formats. Made here by rule; the handed cases as well.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/foreign.rs"]
+mod foreign;
 mod support;
 
-use halflight::device::recording::schema::{Topic, schema};
+use foreign::*;
+use halflight::device::recording::messages;
+use halflight::device::recording::schema::Topic;
 use halflight::device::recording::wire::WireWriter;
-use halflight::device::recording::{PictureCoding, messages, pictures};
 use halflight::device::replay::{ReplayImu, ReplayOptions, ReplaySource};
-use halflight::device::{DeviceError, ErrorKind, FrameSource, ImuSource};
+use halflight::device::{ErrorKind, FrameSource, ImuSource};
 use halflight::math::lens::{Distortion, Lens};
 use halflight::model::frame::{Exposure, RawFrame};
-use halflight::model::image::Rgb8Image;
 use halflight::model::imu::ImuSample;
 use halflight::model::time::Timestamp;
-use mcap::records::MessageHeader;
-use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::sync::Arc;
-
-const SIZE: (usize, usize) = (48, 32);
-const S: i64 = 1_000_000_000;
-const START: i64 = 1_700_000_000 * S;
-const STEP: i64 = S / 30;
-
-fn lens() -> Lens {
-    Lens {
-        distortion: Distortion::RadialTangential([0.1, -0.02, 1e-3, -2e-3, 0.003, 0.0, 0.0, 0.0]),
-        ..Lens::pinhole(SIZE.0 as u32, SIZE.1 as u32, 40.3, 40.7, 24.25, 16.5)
-    }
-}
-
-fn picture(i: i64) -> Rgb8Image {
-    let pixel = |p: usize| [(p % SIZE.0 * 5) as u8, (p / SIZE.0 * 7) as u8, (17 * i) as u8];
-    Rgb8Image::from_pixels(SIZE.0, SIZE.1, (0..SIZE.0 * SIZE.1).map(pixel).collect()).unwrap()
-}
-
-fn frame(i: i64) -> RawFrame {
-    let exposure = Exposure { time_s: [0.01, 0.02][i as usize % 2], gain: 1.5 };
-    RawFrame {
-        sequence: i as u64,
-        t_mid: Timestamp(START + i * STEP),
-        exposure,
-        row_time_s: 0.0,
-        pixels: Arc::new(picture(i)),
-    }
-}
-
-/// A channel: topic, schema, its encoding, the messages' encoding.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Line(&'static str, &'static str, &'static str);
-
-/// A message of a channel at a time of the log.
-type Entry = (Line, i64, Vec<u8>);
-
-fn own(topic: Topic) -> Line {
-    let (name, encoding, _) = schema(topic, false);
-    Line(topic.name(), name, if encoding == "jsonschema" { "json" } else { "protobuf" })
-}
-
-const ROS_IMAGE: Line = Line("/cam/image_raw", "sensor_msgs/msg/Image", "cdr");
-const ROS_PACKED: Line = Line("/cam/image_raw/compressed", "sensor_msgs/msg/CompressedImage", "cdr");
-const ROS_INFO: Line = Line("/cam/camera_info", "sensor_msgs/msg/CameraInfo", "cdr");
-const ROS_IMU: Line = Line("/imu/data", "sensor_msgs/msg/Imu", "cdr");
-
-fn write(options: mcap::WriteOptions, entries: &[Entry]) -> Vec<u8> {
-    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
-    let mut channels = BTreeMap::new();
-    for (sequence, (line, t, content)) in entries.iter().enumerate() {
-        let channel_id = *channels.entry(line.clone()).or_insert_with(|| {
-            let schema = writer.add_schema(line.1, "any", b"text").unwrap();
-            writer.add_channel(schema, line.0, line.2, &BTreeMap::new()).unwrap()
-        });
-        let (log_time, sequence) = (*t as u64, sequence as u32);
-        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, content).unwrap();
-    }
-    writer.finish().unwrap();
-    writer.into_inner().into_inner()
-}
-
-fn chunked() -> mcap::WriteOptions {
-    mcap::WriteOptions::new().compression(Some(mcap::Compression::Zstd)).compression_threads(0)
-}
-
-fn calibration() -> Entry {
-    (own(Topic::Calibration), START, messages::write_calibration(Timestamp(START), &lens()))
-}
-
-/// A picture of ours as PNG.
-fn image(i: i64) -> Entry {
-    let t = START + i * STEP;
-    (own(Topic::Image), t, pictures::write_image(Timestamp(t), &picture(i), PictureCoding::Png).unwrap())
-}
-
-fn exposure(i: i64) -> Entry {
-    (own(Topic::Exposure), START + i * STEP, messages::write_exposure(&frame(i)))
-}
-
-/// As our own recordings are: six frames.
-fn plain() -> Vec<Entry> {
-    let mut all = vec![calibration()];
-    (0..6).for_each(|i| all.extend([exposure(i), image(i)]));
-    all
-}
-
-fn source(bytes: &[u8]) -> Result<ReplaySource<Cursor<&[u8]>>, DeviceError> {
-    ReplaySource::new("replay:test", Cursor::new(bytes))
-}
-
-fn frames(source: &mut impl FrameSource) -> Vec<RawFrame> {
-    let mut all = Vec::new();
-    loop {
-        match source.next(Timestamp(i64::MAX)) {
-            Ok(frame) => all.push(frame),
-            Err(error) => {
-                assert_eq!(error.kind, ErrorKind::Ended, "{error}");
-                return all;
-            }
-        }
-    }
-}
-
-/// The six frames, and nothing to complain of.
-fn assert_plain(bytes: &[u8], what: &str) {
-    let mut source = source(bytes).unwrap();
-    assert_eq!(source.rig().unwrap().lens, lens(), "{what}");
-    assert_eq!(source.frames_left(), Some(6), "{what}");
-    let found = frames(&mut source);
-    assert_eq!(found.len(), 6, "{what}");
-    for (i, got) in found.iter().enumerate() {
-        let want = frame(i as i64);
-        assert_eq!(
-            (got.sequence, got.t_mid, got.exposure),
-            (want.sequence, want.t_mid, want.exposure),
-            "{what}"
-        );
-        assert_eq!(got.pixels, want.pixels, "{what}");
-    }
-    assert_eq!(source.damage().warnings(), 0, "{what}: {:?}", source.damage());
-}
 
 #[test]
 fn chunks_and_checksums_may_be_left_out() {
@@ -266,28 +143,6 @@ fn without_a_topic_of_exposures_a_setting_exif_or_one_for_all_stands_in() {
     assert_eq!(exposures(&bytes, ",exposure_s=0.5"), Exposure { time_s: 0.5, gain: 1.0 });
 }
 
-fn encoded(image: &Rgb8Image, format: image::ImageFormat) -> Vec<u8> {
-    let mut bytes = Cursor::new(Vec::new());
-    let samples = image.pixels().as_flattened().to_vec();
-    let buffer = image::RgbImage::from_raw(image.width() as u32, image.height() as u32, samples).unwrap();
-    buffer.write_to(&mut bytes, format).unwrap();
-    bytes.into_inner()
-}
-
-fn jpeg_of(i: i64) -> Vec<u8> {
-    encoded(&picture(i), image::ImageFormat::Jpeg)
-}
-
-/// `foxglove.CompressedImage` in protobuf.
-fn packed_message(t: i64, data: &[u8], format: &str) -> Vec<u8> {
-    let mut w = WireWriter::new();
-    w.message(1, |w| {
-        w.varint(1, (t / S) as u64).varint(2, (t % S) as u64);
-    });
-    w.bytes(4, b"camera").bytes(2, data).bytes(3, format.as_bytes());
-    w.finish()
-}
-
 #[test]
 fn what_a_picture_is_its_first_bytes_say() {
     let said = ["jpeg", "JPEG", "image/jpeg", "rgb8; jpeg compressed bgr8", "", "png"];
@@ -346,17 +201,6 @@ fn cut_pictures_are_refused_and_counted() {
     }
 }
 
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::new();
-    for three in bytes.chunks(3) {
-        let bits = three.iter().fold(0u32, |n, b| n << 8 | u32::from(*b)) << (8 * (3 - three.len()));
-        (0..=three.len()).for_each(|k| text.push(LETTERS[(bits >> (18 - 6 * k)) as usize & 63] as char));
-        (three.len()..3).for_each(|_| text.push('='));
-    }
-    text
-}
-
 fn json_time(t: i64) -> serde_json::Value {
     serde_json::json!({ "sec": t / S, "nsec": t % S })
 }
@@ -401,137 +245,6 @@ fn foxgloves_schemas_are_read_in_json_and_protobuf() {
     entries[0].0 = Line("/camera/calibration", "foxglove.CameraCalibration", "cbor");
     let error = source(&write(chunked(), &entries)).err().unwrap().to_string();
     assert!(error.contains("/camera/calibration, message 1") && error.contains("\"cbor\""), "{error}");
-}
-
-/// Writes CDR: numbers at multiples of their size behind the head.
-struct Cdr {
-    bytes: Vec<u8>,
-    is_little: bool,
-}
-
-impl Cdr {
-    fn new(is_little: bool, t: i64) -> Self {
-        let mut cdr = Self { bytes: vec![0, u8::from(is_little), 0, 0], is_little };
-        cdr.put(((t / S) as u32).to_le_bytes()).put(((t % S) as u32).to_le_bytes()).text("optical");
-        cdr
-    }
-
-    fn put<const N: usize>(&mut self, mut little: [u8; N]) -> &mut Self {
-        while (self.bytes.len() - 4) % N != 0 {
-            self.bytes.push(0);
-        }
-        if !self.is_little {
-            little.reverse();
-        }
-        self.bytes.extend(little);
-        self
-    }
-
-    fn u32(&mut self, n: u32) -> &mut Self {
-        self.put(n.to_le_bytes())
-    }
-
-    fn f64s(&mut self, list: &[f64]) -> &mut Self {
-        list.iter().for_each(|x| {
-            self.put(x.to_le_bytes());
-        });
-        self
-    }
-
-    fn text(&mut self, text: &str) -> &mut Self {
-        self.u32(text.len() as u32 + 1);
-        self.bytes.extend(text.bytes());
-        self.bytes.push(0);
-        self
-    }
-
-    fn data(&mut self, data: &[u8]) -> &mut Self {
-        self.u32(data.len() as u32);
-        self.bytes.extend(data);
-        self
-    }
-
-    fn finish(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.bytes)
-    }
-}
-
-/// A bag of six frames with an inertial sample after each.
-fn bag(is_little: bool, is_packed: bool) -> Vec<Entry> {
-    let l = lens();
-    let Distortion::RadialTangential(d) = l.distortion else { panic!() };
-    let mut info = Cdr::new(is_little, START);
-    info.u32(l.height).u32(l.width).text("rational_polynomial").u32(8).f64s(&d);
-    info.f64s(&[l.fx, 0.0, l.cx - 0.5, 0.0, l.fy, l.cy - 0.5, 0.0, 0.0, 1.0]).f64s(&[0.0; 9 + 12]);
-    info.u32(0).u32(0).u32(0).u32(0).u32(0).u32(0);
-    let mut entries = vec![(ROS_INFO, START, info.finish())];
-    for i in 0..6 {
-        let t = START + i * STEP;
-        let mut image = Cdr::new(is_little, t);
-        if is_packed {
-            image.text("rgb8; png compressed").data(&encoded(&picture(i), image::ImageFormat::Png));
-        } else {
-            image.u32(SIZE.1 as u32).u32(SIZE.0 as u32).text("rgb8").put([0u8]).u32(3 * SIZE.0 as u32);
-            image.data(picture(i).pixels().as_flattened());
-        }
-        let mut imu = Cdr::new(is_little, t + STEP / 2);
-        imu.f64s(&[0.0; 4 + 9])
-            .f64s(&[0.1, 0.2, i as f64])
-            .f64s(&[0.0; 9])
-            .f64s(&[0.0, 0.0, 9.81])
-            .f64s(&[0.0; 9]);
-        // Written a moment after it was taken.
-        let line = if is_packed { ROS_PACKED } else { ROS_IMAGE };
-        entries.push((line, t + 3_000_000, image.finish()));
-        entries.push((ROS_IMU, t + STEP / 2 + 1_000_000, imu.finish()));
-    }
-    entries
-}
-
-#[test]
-fn bags_of_ros_2_are_read() {
-    for (is_little, is_packed) in [(true, true), (true, false), (false, false)] {
-        for options in [chunked(), chunked().use_chunks(false), chunked().calculate_chunk_crcs(false)] {
-            let bytes = write(options, &bag(is_little, is_packed));
-            let mut source = source(&bytes).unwrap();
-            assert_eq!(source.rig().unwrap().lens, lens());
-            let found = frames(&mut source);
-            assert_eq!(found.len(), 6);
-            for (i, got) in found.iter().enumerate() {
-                assert_eq!((got.sequence, got.t_mid), (i as u64, frame(i as i64).t_mid));
-                assert_eq!(*got.pixels, picture(i as i64));
-            }
-            assert_eq!(source.damage().warnings(), 0);
-            let mut imu = ReplayImu::new("replay:test", Cursor::new(bytes.as_slice())).unwrap();
-            let mut samples = Vec::new();
-            imu.samples_until(Timestamp(i64::MAX), &mut samples).unwrap();
-            assert_eq!(samples.len(), 6);
-            assert_eq!(samples[4].gyro_rad_s, [0.1, 0.2, 4.0]);
-            assert_eq!(samples[4].accel_m_s2, [0.0, 0.0, 9.81]);
-            assert_eq!(samples[4].t.0, START + 4 * STEP + STEP / 2);
-        }
-    }
-}
-
-/// Each message cut at each place: an error or a message, and no panic; nothing is filled in.
-#[test]
-fn cut_messages_of_a_bag_are_refused() {
-    let entries = bag(true, false);
-    for (which, (_, _, content)) in entries.iter().take(3).enumerate() {
-        for keep in (0..content.len()).step_by(1 + content.len() / 97) {
-            let mut cut = entries.clone();
-            cut[which].2.truncate(keep);
-            let bytes = write(chunked(), &cut);
-            match source(&bytes) {
-                // What follows the matrix of a calibration does not matter.
-                Ok(mut source) => {
-                    let found = frames(&mut source).len();
-                    assert_eq!(found, if which == 1 { 5 } else { 6 }, "message {which}, {keep} bytes");
-                }
-                Err(error) => assert!(which == 0 && error.kind == ErrorKind::Refused, "{error}"),
-            }
-        }
-    }
 }
 
 #[test]

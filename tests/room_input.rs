@@ -72,7 +72,7 @@ fn nodes_place_and_turn_over_and_names_stay_apart() {
     let bytes = glb(&[two("lamp"), two("lamp")], r#","scale":[-2,1,1],"translation":[0,-1,0]"#, "");
     let loaded = decode_room(Path::new("a.glb"), &bytes).unwrap();
     let names: Vec<&str> = loaded.room.surfaces.iter().map(|s| &*s.name).collect();
-    assert_eq!(names, ["lamp", "lamp'"]);
+    assert_eq!(names, ["lamp", "lamp 2"]);
     let surface = &loaded.room.surfaces[0];
     let Face::Quad(quad) = surface.faces[0] else { panic!() };
     let [a, b, c, _] = quad.map(|i| surface.corners_world[i as usize]);

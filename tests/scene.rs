@@ -190,7 +190,7 @@ fn mistakes_say_their_line_and_column() {
                 size = [ 0.1,\n  0.2 ]\nyaw_dge = 1\n[ball]\ncentre = [0, 0, 0]\n";
     let error = parse(Path::new("bad.toml"), text).unwrap_err().to_string();
     let expected = [
-        "bad.toml:2:42: camera.lens.fx = \"ü\": must be a number above 0, in pixels",
+        "bad.toml:2:42: camera.lens.fx = \"ü\": must be a number within 0.001..=1000000, in pixels",
         "bad.toml:6:12: tag[0].side_m = 20.50: must be a number within 0.001..=10",
         "bad.toml:9:8: object[0].size = [ 0.1, 0.2 ]: must be three numbers above 0",
         "bad.toml:11:1: object[0].yaw_dge = 1: must be a known key (did you mean yaw_deg?)",

@@ -49,12 +49,13 @@ pub fn surface(
     let (mesh, place) = (mesh?, placed);
     // Real surfaces are measured where they are: position is their origin, not their lowest point.
     let transform = Affine3A::from_rotation_translation(place.rotation, place.position);
-    Some(RealSurface {
-        name,
-        mesh: shapes::transformed(&mesh, &transform),
-        receives_shadow,
-        albedo_rgb: None,
-    })
+    let mesh = shapes::transformed(&mesh, &transform);
+    if !mesh.positions.iter().all(|p| is_place(p.as_dvec3())) {
+        let key = if section.has("file") { "file" } else { "shape" };
+        section.refuse(key, "such that all corners lie within 10000 m of the origin");
+        return None;
+    }
+    Some(RealSurface { name, mesh, receives_shadow, albedo_rgb: None })
 }
 
 /// `[[object]]`; a file with several materials gives several objects. They are the parts of one figure, which counts

@@ -140,7 +140,7 @@ impl Message {
 
     /// Topic, number and time, for messages to people.
     pub fn place(&self) -> String {
-        let t = (self.log_time - self.shift_ns) as f64 * 1e-9;
+        let t = self.log_time.saturating_sub(self.shift_ns) as f64 * 1e-9;
         format!("{}, message {} (log time {t:.6} s)", self.name, self.number)
     }
 }

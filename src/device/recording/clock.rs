@@ -13,19 +13,19 @@ struct Stretch {
     shift_ns: i64,
     /// The file's last time in it.
     last_ns: i64,
-    /// The latest.
+    /// That which no other of it exceeds.
     latest_ns: i64,
 }
 
 /// Puts the times of all channels of a file on one line. A channel steps by itself: files may hold one channel after another.
 #[derive(Debug, Default)]
-pub(super) struct Line {
+pub(super) struct TimeLine {
     stretches: Vec<Stretch>,
     /// For each channel the stretch that it is in, and its last time.
     channels: std::collections::BTreeMap<u16, (usize, i64)>,
 }
 
-impl Line {
+impl TimeLine {
     /// Steps so far.
     pub(super) fn steps(&self) -> u64 {
         self.stretches.len().saturating_sub(1) as u64
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_step_back_counts_as_a_gap_for_all_channels() {
-        let mut line = Line::default();
+        let mut line = TimeLine::default();
         let times = [(1, 7200), (2, 7200), (1, 7201), (2, 7201), (1, 3602), (2, 3602), (3, 3602), (1, 3603)];
         let got: Vec<i64> = times.iter().map(|(c, t)| (line.shift(*c, t * S) + t * S) / S).collect();
         assert_eq!(got, [7200, 7200, 7201, 7201, 7203, 7203, 7203, 7204]);
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn channels_written_one_after_another_are_no_step() {
-        let mut line = Line::default();
+        let mut line = TimeLine::default();
         for channel in [1, 2] {
             for t in [5, 6, 7, 8, 9] {
                 assert_eq!(line.shift(channel, t * S), 0);

@@ -1,7 +1,7 @@
 //! Foxglove's schemas, in JSON and in protobuf. Pure; any bytes give a message or an error.
 
 use super::lens::CalibrationFields;
-use super::messages::{CalibrationMessage, PoseInFrame, Time, parse};
+use super::messages::{PoseInFrame, Time, parse};
 use super::wire::{WireField, fields};
 use crate::model::{base64, time::Timestamp};
 use glam::{DQuat, DVec3};
@@ -89,8 +89,7 @@ pub(super) fn calibration_of_protobuf(message: &[u8]) -> Result<CalibrationField
 
 /// The same in JSON.
 pub(super) fn calibration_of_json(message: &[u8]) -> Result<CalibrationFields, String> {
-    let CalibrationMessage { width, height, distortion_model, d, k, .. } = parse(message)?;
-    Ok(CalibrationFields { width, height, distortion_model, d, k })
+    parse(message)
 }
 
 /// `foxglove.PoseInFrame`: time, rotation, translation.
@@ -116,7 +115,7 @@ pub(super) struct CompressedImage<'a> {
     pub(super) data: std::borrow::Cow<'a, [u8]>,
 }
 
-/// In protobuf.
+/// Its last field of each number counts, as the encoding's guide asks.
 pub(super) fn compressed_of_protobuf(message: &[u8]) -> Result<CompressedImage<'_>, String> {
     let m = Proto::read(message)?;
     let format = String::from_utf8_lossy(m.bytes(3)).into_owned();
@@ -125,14 +124,16 @@ pub(super) fn compressed_of_protobuf(message: &[u8]) -> Result<CompressedImage<'
 
 #[derive(Deserialize)]
 struct CompressedMessage {
-    timestamp: Option<Time>,
+    timestamp: Option<serde_json::Value>,
     #[serde(default)]
     format: String,
     data: String,
 }
 
-fn time_of(timestamp: Option<Time>) -> Timestamp {
-    timestamp.map_or(Timestamp(0), Timestamp::from)
+/// 0 where it is written in no way that is known: the log's time stands in.
+fn time_of(timestamp: Option<serde_json::Value>) -> Timestamp {
+    let time = timestamp.and_then(|value| serde_json::from_value::<Time>(value).ok());
+    time.map_or(Timestamp(0), Timestamp::from)
 }
 
 /// In JSON, its data in base64.
@@ -152,7 +153,7 @@ pub(super) struct RawImage<'a> {
     pub(super) data: std::borrow::Cow<'a, [u8]>,
 }
 
-/// In protobuf.
+/// Numbers that are left out are 0, as the encoding's guide asks.
 pub(super) fn raw_of_protobuf(message: &[u8]) -> Result<RawImage<'_>, String> {
     let m = Proto::read(message)?;
     let encoding = m.text(4)?.to_owned();
@@ -168,7 +169,7 @@ pub(super) fn raw_of_protobuf(message: &[u8]) -> Result<RawImage<'_>, String> {
 
 #[derive(Deserialize)]
 struct RawMessage {
-    timestamp: Option<Time>,
+    timestamp: Option<serde_json::Value>,
     width: u32,
     height: u32,
     encoding: String,

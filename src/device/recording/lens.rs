@@ -2,14 +2,18 @@
 
 use crate::math::lens::{Distortion, Lens};
 use crate::model::limits::{MAX_LENS_PX, MIN_FOCAL_PX, check_camera_size};
+use serde::Deserialize;
 
 /// The fields that Foxglove's `CameraCalibration` and ROS's `CameraInfo` share.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub(super) struct CalibrationFields {
     pub(super) width: u32,
     pub(super) height: u32,
+    #[serde(default)]
     pub(super) distortion_model: String,
+    #[serde(default, rename = "D")]
     pub(super) d: Vec<f64>,
+    #[serde(rename = "K")]
     pub(super) k: Vec<f64>,
 }
 

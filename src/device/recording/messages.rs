@@ -80,21 +80,21 @@ pub(super) fn own<'a, T: Deserialize<'a>>(message: &'a Message) -> Result<T, Str
     }
 }
 
-#[derive(Serialize, Deserialize)]
-pub(super) struct CalibrationMessage {
-    pub(super) timestamp: Time,
-    pub(super) frame_id: String,
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) distortion_model: String,
+#[derive(Serialize)]
+struct CalibrationMessage {
+    timestamp: Time,
+    frame_id: String,
+    width: u32,
+    height: u32,
+    distortion_model: String,
     #[serde(rename = "D")]
-    pub(super) d: Vec<f64>,
+    d: Vec<f64>,
     #[serde(rename = "K")]
-    pub(super) k: Vec<f64>,
+    k: Vec<f64>,
     #[serde(rename = "R")]
-    pub(super) r: Vec<f64>,
+    r: Vec<f64>,
     #[serde(rename = "P")]
-    pub(super) p: Vec<f64>,
+    p: Vec<f64>,
 }
 
 /// A lens as `foxglove.CameraCalibration`.

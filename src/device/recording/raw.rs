@@ -21,7 +21,7 @@ pub(super) struct RawPicture<'a> {
 
 /// How an encoding's bytes become red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Encoding {
+enum PixelEncoding {
     /// Bytes a pixel, and the places of red, green and blue among them.
     Bytes(usize, [usize; 3]),
     /// 16 bits of gray.
@@ -32,7 +32,7 @@ enum Encoding {
 
 const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, mono16, yuv422, uyvy, yuyv, yuv422_yuy2, nv12, or bayer_ with rggb, bggr, gbrg or grbg and 8 or 16";
 
-impl Encoding {
+impl PixelEncoding {
     fn of(name: &str) -> Option<Self> {
         if let Some(bayer) = name.strip_prefix("bayer_") {
             let order = match bayer.get(..4)? {
@@ -88,18 +88,18 @@ impl RawReader {
         if found != size {
             return Err(PictureError::Size(found));
         }
-        let encoding = Encoding::of(raw.encoding)
+        let encoding = PixelEncoding::of(raw.encoding)
             .ok_or_else(|| format!("encoding = \"{}\": must be one of {KNOWN}", raw.encoding))?;
         let format = match encoding {
-            Encoding::Bytes(..) | Encoding::Gray16 => PixelFormat::Grey,
-            Encoding::Camera(format) => format,
+            PixelEncoding::Bytes(..) | PixelEncoding::Gray16 => PixelFormat::Grey,
+            PixelEncoding::Camera(format) => format,
         };
         let step = raw.step as usize;
         let mut layout = PixelLayout::packed(format, size.0, size.1);
         let row_bytes = match encoding {
-            Encoding::Bytes(count, _) => count * size.0,
-            Encoding::Gray16 => 2 * size.0,
-            Encoding::Camera(_) => layout.row_bytes(),
+            PixelEncoding::Bytes(count, _) => count * size.0,
+            PixelEncoding::Gray16 => 2 * size.0,
+            PixelEncoding::Camera(_) => layout.row_bytes(),
         };
         let rows = layout.rows_in_memory();
         if step < row_bytes {
@@ -117,18 +117,16 @@ impl RawReader {
             )
             .into());
         }
-        let is_wide = matches!(encoding, Encoding::Gray16)
-            || matches!(format, PixelFormat::Bayer(_, BayerDepth::Bits16));
-        if raw.is_big_endian && is_wide && !matches!(encoding, Encoding::Gray16) {
+        if raw.is_big_endian && matches!(format, PixelFormat::Bayer(_, BayerDepth::Bits16)) {
             return Err(format!("is_bigendian = 1 with {}: must be 0", raw.encoding).into());
         }
         let rows = || raw.data.chunks(step).take(size.1);
         let pixels: Vec<[u8; 3]> = match encoding {
-            Encoding::Bytes(count, places) => rows()
+            PixelEncoding::Bytes(count, places) => rows()
                 .flat_map(|row| row[..row_bytes].chunks_exact(count))
                 .map(|pixel| places.map(|place| pixel[place]))
                 .collect(),
-            Encoding::Gray16 => rows()
+            PixelEncoding::Gray16 => rows()
                 .flat_map(|row| row[..row_bytes].as_chunks::<2>().0)
                 .map(|pair| {
                     let value =
@@ -137,7 +135,7 @@ impl RawReader {
                     [((u32::from(value) + 128) / 257) as u8; 3]
                 })
                 .collect(),
-            Encoding::Camera(_) => {
+            PixelEncoding::Camera(_) => {
                 (layout.stride, layout.range) = (step, self.range);
                 let held = Arc::new(raw.data[..least].to_vec());
                 let pixels = FramePixels::new(layout, held, least).map_err(|e| e.to_string())?;

@@ -2,7 +2,7 @@
 //! not computed. Nothing in a file can make it panic; it holds one chunk of at most `LARGEST_CHUNK` bytes and one message.
 
 use super::channels::{Channels, Message, TopicNames};
-use super::clock::Line;
+use super::clock::TimeLine;
 use super::places::{Place, read_at, walk};
 use super::records::{Records, Stop};
 use super::schema::Topic;
@@ -65,7 +65,7 @@ pub struct RecordingReader<R> {
     /// Messages a channel, as the indexes say.
     counts: BTreeMap<u16, u64>,
     damage: Damage,
-    line: Line,
+    line: TimeLine,
     numbers: BTreeMap<Topic, u64>,
 }
 
@@ -105,7 +105,7 @@ impl<R: Read + Seek> RecordingReader<R> {
             channels,
             counts: found.counts,
             damage,
-            line: Line::default(),
+            line: TimeLine::default(),
             numbers: BTreeMap::new(),
         };
         reader.find_channels()?;
@@ -164,7 +164,7 @@ impl<R: Read + Seek> RecordingReader<R> {
         self.open = None;
         self.damage.chunks = 0;
         self.damage.messages = 0;
-        self.line = Line::default();
+        self.line = TimeLine::default();
         self.numbers.clear();
     }
 
@@ -220,7 +220,7 @@ enum Taken {
 fn take_message(
     record: &[u8],
     channels: &Channels,
-    line: &mut Line,
+    line: &mut TimeLine,
     numbers: &mut BTreeMap<Topic, u64>,
 ) -> Taken {
     let Ok(Record::Message { header, data }) = parse_record(op::MESSAGE, record) else {

@@ -20,16 +20,21 @@ pub fn rec709() -> Chromaticities {
     Chromaticities { red, green, blue, white }
 }
 
-/// X, Y, Z of a chromaticity with Y = 1.
+/// X, Y, Z of a chromaticity, whose sum is 1.
 fn xyz([x, y]: [f64; 2]) -> DVec3 {
-    DVec3::new(x / y, 1.0, (1.0 - x - y) / y)
+    DVec3::new(x, y, 1.0 - x - y)
+}
+
+/// X, Y, Z of a white with Y = 1; not finite for what is no white.
+fn white_xyz(white: [f64; 2]) -> DVec3 {
+    xyz(white) / white[1].max(0.0)
 }
 
 /// From red, green and blue, whose sum is the white, to X, Y, Z.
 fn to_xyz([red, green, blue, white]: [[f64; 2]; 4]) -> Option<DMat3> {
     let primaries = DMat3::from_cols(xyz(red), xyz(green), xyz(blue));
     let is_sound = primaries.is_finite() && primaries.determinant().abs() > 1e-6;
-    let shares = is_sound.then(|| primaries.inverse() * xyz(white))?;
+    let shares = is_sound.then(|| primaries.inverse() * white_xyz(white))?;
     (shares.is_finite() && shares.min_element() > 0.0).then(|| primaries * DMat3::from_diagonal(shares))
 }
 
@@ -43,7 +48,7 @@ pub fn to_rec709(stated: &Chromaticities) -> Option<Option<DMat3>> {
         return Some(None);
     }
     let (from, ours) = (to_xyz(stated)?, to_xyz(REC_709)?);
-    let cones = |white: [f64; 2]| CONES * xyz(white);
+    let cones = |white: [f64; 2]| CONES * white_xyz(white);
     let change = CONES.inverse() * DMat3::from_diagonal(cones(REC_709[3]) / cones(stated[3])) * CONES;
     let matrix = ours.inverse() * change * from;
     matrix.is_finite().then_some(Some(matrix))
@@ -99,7 +104,7 @@ mod tests {
         for bad in [
             [[0.3, 0.3]; 4],
             [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.9, 0.05]],
-            [[0.64, 0.0], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]],
+            [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.0]],
             [[f32::NAN, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]],
         ] {
             assert_eq!(to_rec709(&stated(bad)), None, "{bad:?}");

@@ -2,6 +2,10 @@
 
 use super::tables::HuffmanTable;
 
+/// Bytes that may stand between the last unit and the next marker: some cameras write a few. More are what was to be read, and was
+/// not, because something before them is missing.
+const MOST_LEFT_BYTES: usize = 32;
+
 /// One component of a scan.
 pub(super) struct ScanComponent<'a> {
     /// Blocks of 8 x 8 in each coded unit.
@@ -73,7 +77,6 @@ fn block(bits: &mut Bits<'_>, component: &ScanComponent<'_>) -> Option<()> {
 }
 
 /// Whether the scan that begins at a place holds as many units as it should, in intervals of `interval` units (0: all in one).
-/// What stands between the last unit and the next marker does not matter.
 ///
 /// # Errors
 /// How many it holds.
@@ -103,8 +106,13 @@ pub(super) fn hold_units(
             }
             done += 1;
         }
+        let marker = super::next_marker(bytes, bits.at);
+        let unread = marker.map_or(0, |(_, next)| (next - 2).saturating_sub(bits.at));
+        let left = unread + bits.count as usize / 8;
+        if left > MOST_LEFT_BYTES {
+            return Err(format!("damaged: {left} bytes are left over after {done} of {units} coded units"));
+        }
         if done < units {
-            let marker = super::next_marker(bytes, bits.at.min(bytes.len()));
             at = match marker {
                 Some((0xd0..=0xd7, next)) => next,
                 _ => return Err(format!("cut: its scan holds {done} of {units} coded units")),

@@ -24,11 +24,11 @@ fn picture(restarts: usize) -> Vec<u8> {
     bytes
 }
 
-/// A picture with much in it, without restart intervals, and where its coded data begins and ends.
+/// A textured picture without restart intervals, and where its coded data begins and ends.
 fn noisy(color: ExtendedColorType) -> (Vec<u8>, usize, usize) {
-    let (width, height) = (72u32, 40u32);
+    let (width, height) = (144u32, 112u32);
     let channels = if color == ExtendedColorType::L8 { 1 } else { 3 };
-    let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 25) as u8 + (i % width) as u8;
+    let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 28) as u8 + (i / channels % width) as u8;
     let samples: Vec<u8> = (0..width * height * channels).map(value).collect();
     let mut bytes = Vec::new();
     let encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
@@ -65,16 +65,12 @@ fn every_cut_is_noticed() {
 fn data_lost_in_the_middle_is_noticed() {
     for color in [ExtendedColorType::Rgb8, ExtendedColorType::L8] {
         let (bytes, start, end) = noisy(color);
-        let mut noticed = 0;
-        let mut tried = 0;
-        for lost in [64, 200, 512] {
+        for lost in [256, 512, 1024] {
             for from in (start..end - lost).step_by(37) {
                 let left = [&bytes[..from], &bytes[from + lost..]].concat();
-                tried += 1;
-                noticed += usize::from(whole(&left).is_err());
+                assert!(whole(&left).is_err(), "{color:?}: {lost} bytes at {from} of {end}");
             }
         }
-        assert_eq!(noticed, tried, "{color:?}");
     }
 }
 
@@ -122,7 +118,7 @@ fn standard_tables_stand_for_those_left_out() {
 
 #[test]
 fn lengths_that_lie_do_not_panic() {
-    for bytes in [picture(1), noisy(ExtendedColorType::L8).0[..900].to_vec()] {
+    for bytes in [picture(1), noisy(ExtendedColorType::L8).0[..700].to_vec()] {
         for at in 0..bytes.len() {
             for value in [0, 1, 0x7f, 0xd9, 0xff] {
                 let mut changed = bytes.clone();
