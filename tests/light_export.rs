@@ -154,8 +154,8 @@ fn measured_skies_are_nearer_the_truth_than_by_three_bands() {
     ] {
         let [three, web, bands] = errors(&shared.join("data/hdr").join(name), how);
         println!("{name}: threejs {three:.4}, webxr {web:.4}, three bands {bands:.4}");
-        // Where no light stands out both are three bands; the picture that stands for the truth is 8-bit mantissas' worth off.
-        assert!(three <= 1.001 * bands && web <= 1.001 * bands, "{name}");
+        // Measured: 0.03 to 0.52 of it with four lights, 0.03 to 0.97 with one.
+        assert!(three < 0.7 * bands && web < bands, "{name}");
     }
 }
 

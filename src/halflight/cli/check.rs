@@ -42,7 +42,7 @@ pub struct CheckArguments {
 pub enum Kind {
     /// Settings of the daemon.
     Settings,
-    /// A scene.
+    /// Things in a place, and a rig.
     Scene,
     /// The geometry of a real place.
     Room,

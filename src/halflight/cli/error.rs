@@ -26,7 +26,7 @@ pub struct CliError {
 /// One thing that is wrong with a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// The file.
+    /// As it was named.
     pub file: String,
     /// Line and column, from 1, where they are known.
     pub place: Option<[usize; 2]>,

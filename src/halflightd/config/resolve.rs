@@ -47,7 +47,7 @@ pub fn resolve(name: &str, typed: &TypedSettings, base: &Settings) -> Result<Set
 pub fn over(line: &str, base: &Settings) -> Result<Settings, String> {
     let typed = file::parse(line).or_else(|first| {
         let (key, value) = line.split_once('=').ok_or_else(|| first.clone())?;
-        file::parse(&format!("{key} = {}", toml::Value::String(value.trim().to_owned()))).map_err(|_| first)
+        file::parse(&format!("{key} = {}", toml::Value::String(value.trim().to_owned()))).or(Err(first))
     });
     let typed = typed.map_err(|e| format!("--set {line}: {e}"))?;
     if typed.keys.is_empty() {
@@ -123,6 +123,24 @@ mod tests {
         let typed = file::parse(&super::super::manual::manual()).unwrap();
         assert_eq!(typed.keys.len(), KEYS.len());
         assert_eq!(resolve("manual", &typed, &defaults).unwrap(), defaults);
+    }
+
+    #[test]
+    fn one_line_wins_over_settings_and_words_need_no_quotes() {
+        let base = Settings::default();
+        for line in ["quality.rung=hybrid", "quality.rung = \"hybrid\"", "quality.rung= hybrid "] {
+            assert_eq!(over(line, &base).unwrap().quality.rung.name(), "hybrid", "{line}");
+        }
+        assert_eq!(over("device.camera=replay:a,b=1.mcap", &base).unwrap().camera, "replay:a,b=1.mcap");
+        for (line, word) in [
+            ("quality.rung=ladder", "must be one of"),
+            ("quality.pcf_taps=two", "must be an integer within 1..=8"),
+            ("quality", "--set quality: not valid TOML"),
+            ("", "must be KEY=VALUE"),
+        ] {
+            let error = over(line, &base).unwrap_err();
+            assert!(error.contains(word), "{line}: {error}");
+        }
     }
 
     #[test]

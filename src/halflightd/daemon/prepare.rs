@@ -43,6 +43,8 @@ struct OpenedScene {
 
 /// Opens the devices and the engine and loads the scene.
 pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, PipelineError> {
+    // What costs nothing is looked at first.
+    governor_of(settings)?;
     prepare_with(open_camera(settings)?, settings, host)
 }
 
@@ -52,6 +54,7 @@ pub fn prepare_with(
     settings: &Settings,
     host: &Host<'_>,
 ) -> Result<Prepared, PipelineError> {
+    let governor = governor_of(settings)?;
     cache_folder::bound_to(settings.cache_max_mib);
     let response = response_of(settings, camera.frames.as_ref())?;
     let OpenedScene { scene, rig, room } = open_scene(settings, camera.frames.rig(), host)?;
@@ -63,7 +66,7 @@ pub fn prepare_with(
     if let Some(room) = room {
         pipeline = pipeline.in_room(room);
     }
-    let pipeline = pipeline.governed(governor_of(settings)?).with_stand_in(stand_in(settings.threads));
+    let pipeline = pipeline.governed(governor).with_stand_in(stand_in(settings.threads));
     let OpenedCamera { frames, imu, cycle } = camera;
     Ok(Prepared { source: frames, imu, pipeline, engine: description, cycle })
 }

@@ -2,6 +2,7 @@
 
 use super::{
     commands::Commands,
+    governing::governor_of,
     host::Host,
     picture_folder::{DaemonSink, PictureFolder},
     prepare::{OpenedCamera, Prepared, open_camera, prepare_with},
@@ -163,6 +164,8 @@ pub fn run_daemon(
         Some(file) if settings.pictures_folder.is_empty() => PictureFolder::newest(file),
         _ => PictureFolder::new(&settings.pictures_folder)?,
     };
+    // Settings that cannot be met are told before a camera is waited for.
+    governor_of(settings)?;
     let camera = wait_for_camera(&inbox, clock.as_ref(), || open_camera(settings))?;
     let Some(camera) = camera else { return Ok(RunCounts::default()) };
     let mut prepared = prepare_with(camera, settings, &Host::default())?;
@@ -287,7 +290,9 @@ mod tests {
     fn a_camera_that_is_not_there_at_the_start_is_waited_for() {
         let (inbox, clock) = (Inbox::default(), ManualClock::default());
         let mut opened_at = Vec::new();
-        let camera = wait_for_camera(&inbox, &clock, || {
+        // Settings that cannot be met are told before a camera is waited for.
+    governor_of(settings)?;
+    let camera = wait_for_camera(&inbox, &clock, || {
             opened_at.push(clock.now().0 / 1_000_000);
             if opened_at.len() < 8 { Err(missing()) } else { synthetic() }
         });

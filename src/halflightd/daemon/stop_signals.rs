@@ -16,12 +16,12 @@ use std::thread::JoinHandle;
 pub struct Asked {
     /// The settings are to be read again. Whoever reads them takes it back.
     pub read_again: Arc<AtomicBool>,
-    /// The loop runs: from then on a stop goes through the inbox.
+    /// Somebody takes what is in the inbox.
     runs: Arc<AtomicBool>,
 }
 
 impl Asked {
-    /// The loop begins.
+    /// From now on a stop goes through the inbox.
     pub fn loop_begins(&self) {
         self.runs.store(true, Ordering::SeqCst);
     }
