@@ -385,7 +385,7 @@ mod tests {
                     assert_eq!(tags[0].id, turn as u32 % 3);
                     let worst = worst(&tags[0], &truth);
                     assert!(worst < allowed_px, "side {side} decimate {decimate} turn {turn}: {worst}");
-                    assert!((0.02..0.04).contains(&tags[0].corner_sigma_px));
+                    assert!((0.003..0.04).contains(&tags[0].corner_sigma_px), "{}", tags[0].corner_sigma_px);
                 }
             }
         }
