@@ -201,7 +201,6 @@ fn repeats(a: &Rgb8Image, b: &Rgb8Image) -> bool {
             sum += u32::from(a.abs_diff(b));
         }
     });
-    // Noise of both, 1.1 standard deviations of one apart in the mean, cancels in no mean of amounts: half of it is let pass.
     count >= FEWEST && f64::from(sum) / f64::from(count) < FROZEN_DIFFERENCE
 }
 
