@@ -2,6 +2,7 @@
 
 use super::merge_bracket::MAX_PICTURES;
 use crate::model::{frame::Exposure, image::Rgb8Image, response::Response};
+use std::ops::Range;
 
 /// Values from which a ratio is measured: away from saturation, and from black, where stray light and the toe of
 /// film (the scans of `brackets/memorial` hold no value below 14) hide the exposure.
@@ -93,6 +94,16 @@ pub struct MeasuredRatio {
 /// grid, all channels, where both values are within 40..=235. The median forgives things that moved. Resolution
 /// 1/128. `None` where sizes differ or fewer than 300 values are shared. No allocation.
 pub fn measured_ratio(a: &Rgb8Image, b: &Rgb8Image, response: &Response) -> Option<MeasuredRatio> {
+    measured_ratio_of(a, b, response, 0..3)
+}
+
+/// The same over some of the channels.
+pub fn measured_ratio_of(
+    a: &Rgb8Image,
+    b: &Rgb8Image,
+    response: &Response,
+    channels: Range<usize>,
+) -> Option<MeasuredRatio> {
     let (width, height) = (a.width(), a.height());
     if (width, height) != (b.width(), b.height()) {
         return None;
@@ -104,7 +115,8 @@ pub fn measured_ratio(a: &Rgb8Image, b: &Rgb8Image, response: &Response) -> Opti
     for y in (step / 2..height).step_by(step) {
         let (row_a, row_b) = (a.row(y), b.row(y));
         for (pa, pb) in row_a.iter().zip(row_b).skip(step / 2).step_by(step) {
-            for (g, (za, zb)) in g.iter().zip(pa.iter().zip(pb)) {
+            let values = pa.iter().zip(pb).zip(g).take(channels.end).skip(channels.start);
+            for ((za, zb), g) in values {
                 if WELL_EXPOSED.contains(za) && WELL_EXPOSED.contains(zb) {
                     let log_ratio = g[usize::from(*za)] - g[usize::from(*zb)];
                     let bin = ((log_ratio + SPAN) * BINS_PER_UNIT).clamp(0.0, BINS as f32 - 1.0);

@@ -4,6 +4,8 @@ pub mod align;
 pub mod attribute;
 pub mod black_level;
 pub mod develop;
+pub mod faults;
+pub mod ghosts;
 pub mod linear_light;
 pub mod merge_bracket;
 mod reflected_point;

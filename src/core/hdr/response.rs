@@ -17,6 +17,15 @@ const FEWEST_SAMPLES: usize = 24;
 const USUAL_SAMPLES: f64 = 50.0;
 /// Fewest distinct values among a channel's samples.
 const FEWEST_VALUES: usize = 32;
+/// Values that are well exposed, for judging what data a curve rests on.
+const WELL_SEEN: std::ops::RangeInclusive<u8> = 12..=245;
+/// A value this near counts as seen as well: the curve is smooth over as many.
+const SEEN_AROUND: usize = 6;
+/// Samples that a value, or one near it, must be seen in: one alone may be noise.
+const FEWEST_NEAR: u32 = 2;
+/// Least share of the well-exposed values that two exposures both see well. Between the values of two exposures far
+/// apart the curve would be what smoothness makes of it.
+pub const LEAST_SEEN_SHARE: f64 = 0.9;
 /// Values by which the fit is judged: the toe of film and stray light spoil the darkest ones in honest brackets.
 const JUDGED: std::ops::RangeInclusive<u8> = 40..=235;
 /// Residual (rms, in units of ln exposure) above which pictures and stated exposures cannot belong together.
@@ -257,6 +266,21 @@ impl Equations {
     }
 }
 
+/// Share of the well-exposed values that samples hold, or one near them, at pixels which two pictures both see well.
+fn seen_share(samples: &[Vec<u8>]) -> f64 {
+    let mut counts = [0u32; 256];
+    for sample in samples {
+        let well = sample.iter().filter(|z| WELL_SEEN.contains(z));
+        if well.clone().count() >= 2 {
+            well.for_each(|&z| counts[usize::from(z)] += 1);
+        }
+    }
+    let range = usize::from(*WELL_SEEN.start())..usize::from(*WELL_SEEN.end()) + 1;
+    let near =
+        |z: usize| counts[z.saturating_sub(SEEN_AROUND)..(z + SEEN_AROUND + 1).min(256)].iter().sum::<u32>();
+    range.clone().filter(|&z| near(z) >= FEWEST_NEAR).count() as f64 / range.len() as f64
+}
+
 /// g of one channel, and the weighted rms of the residual. `samples`: for each pixel one value a picture.
 fn solve_channel(
     samples: &[Vec<u8>],
@@ -271,6 +295,14 @@ fn solve_channel(
         return Err(format!(
             "{} usable pixels with {values} different values: at least {FEWEST_SAMPLES} pixels neither black nor saturated in two pictures, and {FEWEST_VALUES} values, are needed",
             samples.len()
+        ));
+    }
+    let share = seen_share(samples);
+    if share < LEAST_SEEN_SHARE {
+        return Err(format!(
+            "two exposures both see only {:.0} % of the values well: at least {:.0} % are needed",
+            100.0 * share,
+            100.0 * LEAST_SEEN_SHARE
         ));
     }
     let equations = Equations::of(samples, times_s, lambda);

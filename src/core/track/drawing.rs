@@ -35,6 +35,22 @@ pub fn draw(
     corners_px: &[DVec2; 4],
     encode: impl Fn(f64) -> f64,
 ) -> Image<u8> {
+    let light = draw_light(width, height, id, corners_px, [0.9, 0.45, 0.04]);
+    let mut gray = Image::filled(width, height, 0u8);
+    for (gray, light) in gray.pixels_mut().iter_mut().zip(light.pixels()) {
+        *gray = (encode(*light).clamp(0.0, 1.0) * 255.0).round() as u8;
+    }
+    gray
+}
+
+/// The same in linear light, with the light of white, of what lies beyond the rim, and of black.
+pub fn draw_light(
+    width: usize,
+    height: usize,
+    id: usize,
+    corners_px: &[DVec2; 4],
+    [white, beyond, black]: [f64; 3],
+) -> Image<f64> {
     let homography = super::tag_pose::homography_from_square(corners_px).expect("a proper square");
     let tag_from_pixel: DMat3 = homography.inverse();
     let linear = |p: DVec2| {
@@ -42,13 +58,13 @@ pub fn draw(
         // Tag coordinates: the black square is -1..1, y down.
         let (x, y) = (q.x / q.z, q.y / q.z);
         if x.abs().max(y.abs()) > 1.25 {
-            return 0.45;
+            return beyond;
         }
         let (column, row) = (((x + 1.0) * 4.0).floor() as i32, ((y + 1.0) * 4.0).floor() as i32);
         let inside = (0..8).contains(&column) && (0..8).contains(&row);
-        if !inside || cell_is_white(id, column, row) { 0.9 } else { 0.04 }
+        if !inside || cell_is_white(id, column, row) { white } else { black }
     };
-    let mut gray = Image::filled(width, height, 0u8);
+    let mut light = Image::filled(width, height, 0.0);
     for j in 0..height {
         for i in 0..width {
             let mut sum = 0.0;
@@ -56,8 +72,8 @@ pub fn draw(
                 let p = DVec2::new((s % 8) as f64 + 0.5, (s / 8) as f64 + 0.5) / 8.0;
                 sum += linear(DVec2::new(i as f64, j as f64) + p);
             }
-            *gray.at_mut(i, j) = (encode(sum / 64.0).clamp(0.0, 1.0) * 255.0).round() as u8;
+            *light.at_mut(i, j) = sum / 64.0;
         }
     }
-    gray
+    light
 }

@@ -6,6 +6,7 @@
 //! sharp step of the same light would be: with dark and bright level D and B, at `r - integral (I - D) / (B - D)`
 //! over -r..r. That is exact for any symmetric blur, the pixel's own box included.
 
+use super::normal;
 use crate::model::{image::Image, response::Response};
 use glam::DVec2;
 
@@ -23,8 +24,16 @@ const END_SHARE: f64 = 0.08;
 const SATURATED: f64 = 253.0;
 /// Passes: the second starts from the lines of the first.
 const PASSES: usize = 2;
+/// Profiles that reach this share of a blur's standard deviation and less see its levels: measured on drawn tags, where
+/// wider blurs make the edges wander by more than their scatter tells.
+const SEEN_WIDTH: f64 = 0.2;
+/// A square whose area is less than this share of its longest side's square is seen so much from the side that the far
+/// sides of its cells come into the profiles: measured on drawn tags, whose corners are then off by 0.1 to 0.3 px.
+const LEAST_AREA: f64 = 0.5;
 /// What even a perfect fit may be wrong by (quantisation, sampling), measured on drawn tags, pixels.
-const FLOOR_PX: f64 = 0.02;
+const FLOOR_PX: f64 = 0.012;
+/// Samples of the longest profile.
+const SLOTS: usize = 2 * (REACH_PX / STEP_PX) as usize + 1;
 
 /// Linear light (0 to 1) of each 8-bit value by the sRGB curve.
 pub fn srgb_table() -> [f32; 256] {
@@ -45,9 +54,11 @@ pub fn table_of_response(response: &Response) -> [f32; 256] {
 /// Memory of the refinement, reused from tag to tag.
 #[derive(Clone, Debug, Default)]
 pub struct EdgeScratch {
-    /// Position along the edge and offset across it, pixels; whether the bright side was saturated.
+    /// Position along the edge and offset across it, pixels.
     points: Vec<(f64, f64)>,
     sorted: Vec<f64>,
+    /// Sum of an edge's profiles, each from 0 (dark) to 1 (bright).
+    profile: [f64; SLOTS],
 }
 
 /// Corners where the fitted edges meet, and how sure each is.
@@ -57,6 +68,10 @@ pub struct RefinedCorners {
     pub corners_px: [DVec2; 4],
     /// Standard deviation of one coordinate, from the scatter of the edges' points, pixels.
     pub sigma_px: f64,
+    /// Standard deviation of the blur across the widest edge, the pixel's own box included, pixels.
+    pub width_px: f64,
+    /// Whether each edge was seen on either side as far as its blur reaches. Where not, `blurred` knows better.
+    pub seen_whole: bool,
 }
 
 /// A line: through `middle`, along the unit vector `along`.
@@ -66,6 +81,10 @@ struct Line {
     along: DVec2,
     /// Standard deviation of its ends across it, pixels.
     sigma_px: f64,
+    /// Standard deviation of its blur, pixels.
+    width_px: f64,
+    /// How far its profiles reached on either side, pixels.
+    reach_px: f64,
 }
 
 /// Refines the outer corners of a black tag36h11 square (its border one eighth of the side wide, its rim as wide).
@@ -80,9 +99,11 @@ pub fn refine_corners(
 ) -> Option<RefinedCorners> {
     let mut corners = *corners_px;
     let mut sigma_px = 0.0f64;
+    let (mut width_px, mut seen_whole) = (0.0, false);
     for _ in 0..PASSES {
         let middle = corners.iter().sum::<DVec2>() / 4.0;
-        let mut lines = [Line { middle, along: DVec2::X, sigma_px: 0.0 }; 4];
+        let nowhere = Line { middle, along: DVec2::X, sigma_px: 0.0, width_px: 0.0, reach_px: 0.0 };
+        let mut lines = [nowhere; 4];
         for (edge, line) in lines.iter_mut().enumerate() {
             let ends = [corners[edge], corners[(edge + 1) % 4]];
             // The cell across this edge is as deep as the square is, over eight.
@@ -101,8 +122,19 @@ pub fn refine_corners(
             sigma_px += (before.sigma_px.powi(2) + after.sigma_px.powi(2)) / 8.0;
         }
         sigma_px = sigma_px.sqrt();
+        width_px = lines.iter().fold(0.0, |m: f64, line| m.max(line.width_px));
+        let whole = |line: &Line| line.width_px <= SEEN_WIDTH * line.reach_px;
+        seen_whole = lines.iter().all(whole) && area_share(&corners) >= LEAST_AREA;
     }
-    Some(RefinedCorners { corners_px: corners, sigma_px: sigma_px.hypot(FLOOR_PX) })
+    let sigma_px = sigma_px.hypot(FLOOR_PX);
+    Some(RefinedCorners { corners_px: corners, sigma_px, width_px, seen_whole })
+}
+
+/// Area of a square as seen, over the square of its longest side.
+pub fn area_share(corners: &[DVec2; 4]) -> f64 {
+    let area = 0.5 * (corners[2] - corners[0]).perp_dot(corners[3] - corners[1]).abs();
+    let longest = (0..4).map(|i| corners[i].distance_squared(corners[(i + 1) % 4])).fold(0.0, f64::max);
+    area / longest
 }
 
 fn intersection(a: Line, b: Line) -> Option<DVec2> {
@@ -137,12 +169,17 @@ fn edge_line(
     let count = (length as usize).clamp(PROFILES.0, PROFILES.1);
     let mut saturated = 0usize;
     scratch.points.clear();
+    scratch.profile = [0.0; SLOTS];
     for k in 0..count {
         let share = END_SHARE + (1.0 - 2.0 * END_SHARE) * (k as f64 + 0.5) / count as f64;
         let along_px = (share - 0.5) * length;
-        let Some((offset, clipped)) =
-            step_position(gray, linear_of_value, middle + along * along_px, outward, half)
-        else {
+        let Some((offset, clipped)) = step_position(
+            gray,
+            linear_of_value,
+            [middle + along * along_px, outward],
+            half,
+            &mut scratch.profile,
+        ) else {
             continue;
         };
         saturated += usize::from(clipped);
@@ -158,7 +195,23 @@ fn edge_line(
         // A clipped bright side hides how the pixel was shared: the edge wanders into the dark by up to this.
         sigma_px = sigma_px.hypot(0.2);
     }
-    Some(Line { middle: middle + outward * offset, along: (along + outward * slope).normalize(), sigma_px })
+    let width_px = width_of(&scratch.profile[..(2 * half + 1) as usize], scratch.points.len());
+    let (middle, along) = (middle + outward * offset, (along + outward * slope).normalize());
+    Some(Line { middle, along, sigma_px, width_px, reach_px: reach })
+}
+
+/// Standard deviation of the blur of an edge from the sum of `count` of its profiles: by how much the steepest two pixels
+/// rise. Too small where the profiles end within the blur, but then too large to have been seen whole as well.
+fn width_of(profile: &[f64], count: usize) -> f64 {
+    let window = (2.0 / STEP_PX) as usize;
+    let rise = profile.windows(window + 1).map(|w| w[window] - w[0]).fold(0.0, f64::max) / count as f64;
+    // The share of a normal distribution within one pixel of its middle, turned round by halving.
+    let (mut low, mut high) = (0.05, 20.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if normal::within(1.0 / middle) > rise { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }
 
 /// Where the step from dark to bright lies along a profile (pixels from its middle, positive outwards) and
@@ -166,11 +219,10 @@ fn edge_line(
 fn step_position(
     gray: &Image<u8>,
     linear_of_value: &[f32; 256],
-    at: DVec2,
-    outward: DVec2,
+    [at, outward]: [DVec2; 2],
     half: i32,
+    sum: &mut [f64; SLOTS],
 ) -> Option<(f64, bool)> {
-    const SLOTS: usize = 2 * (REACH_PX / STEP_PX) as usize + 1;
     let mut profile = [0.0f64; SLOTS];
     let count = (2 * half + 1) as usize;
     for (k, slot) in profile[..count].iter_mut().enumerate() {
@@ -194,7 +246,13 @@ fn step_position(
     let reach = f64::from(half) * STEP_PX;
     let offset = reach - integral * STEP_PX;
     let clipped = bright >= f64::from(linear_of_value[SATURATED as usize]);
-    (offset.abs() < reach * 0.8).then_some((offset, clipped))
+    if offset.abs() >= reach * 0.8 {
+        return None;
+    }
+    for (sum, level) in sum.iter_mut().zip(profile) {
+        *sum += (level - dark) / (bright - dark);
+    }
+    Some((offset, clipped))
 }
 
 /// Linear light at a continuous pixel, bilinear between pixel centres; `None` outside.

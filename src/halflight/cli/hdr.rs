@@ -24,7 +24,8 @@ pub const LONG_ABOUT: &str = "\
 Merge exposures of one view into one HDR picture of linear radiance [DM97].\n\n\
 The unit of radiance is that of the response. Solved: value 128 after 1 s is 1. srgb and gamma2.2: value 255 \
 after 1 s is 1. The stated time of each picture is checked against its pixels. A time that the pixels \
-contradict is named in a warning, and the picture is merged all the same.\n\n\
+contradict is named in a warning, and the picture is merged all the same. A picture that is black, frozen, \
+far too bright or of another white balance is named and left out; one a little brighter than stated is put right.\n\n\
 Examples:\n\
 halflight hdr --times 1/10,1/40,1/160 a.jpg b.jpg c.jpg --out room.exr\n\
 halflight hdr --times-file image_list.txt --out room.hdr --save-response camera.json\n\
@@ -63,6 +64,10 @@ pub struct HdrArguments {
     /// put back, by a shift and a turn in the picture's plane, and a warning says so.)
     #[arg(long)]
     pub no_align: bool,
+    /// Merge what moved between the pictures (a person, a leaf) as it lies. By default the best exposed picture's own value is
+    /// kept there, and a warning says so.
+    #[arg(long)]
+    pub keep_ghosts: bool,
     /// Write the response that was used as JSON, to be given to --response again.
     #[arg(long, value_name = "FILE")]
     pub save_response: Option<PathBuf>,
@@ -75,10 +80,11 @@ pub struct HdrArguments {
 pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let allowed = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
     let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
-    let (files, times_s) = pair_up(&arguments)?;
+    let (mut files, times_s) = pair_up(&arguments)?;
     let pictures = files.iter().map(|file| pictures::load_rgb8(file)).collect::<Result<Vec<_>, _>>()?;
     check_sizes(&files, &pictures)?;
     let mut bracket = LoadedBracket::new(pictures, &times_s);
+    let sorted_out = bracket.sort_out(&mut files);
     // Fog at the dark end would be taken for light; where times are false, nothing can be said of it.
     let srgb = Response::srgb();
     let plain = check_exposures(&bracket.refs(), &bracket.exposures, &srgb, Tolerance::GUESSED_RESPONSE);
@@ -97,7 +103,11 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
         Vec::new()
     };
     let mut chosen = choose_response(&arguments, &bracket)?;
+    chosen.warnings.splice(0..0, sorted_out);
     chosen.warnings.extend(moved);
+    if plain.sound() && !arguments.keep_ghosts {
+        chosen.warnings.extend(bracket.lay_ghosts(&chosen.response, &files));
+    }
     let check = check_exposures(&bracket.refs(), &bracket.exposures, &chosen.response, chosen.tolerance);
     let mut engine = global.open_engine()?;
     let merged = bracket.merge(&chosen.response, engine.as_mut())?;
