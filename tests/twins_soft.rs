@@ -439,7 +439,12 @@ fn moved_objects_are_where_they_are_on_gl() {
 
 #[test]
 fn gles_3_1_does_the_same() {
-    for test in ["every_rung_on_gl", "boxes_on_gl", "piles_stay_in_bounds_on_gl", "moved_objects_are_where_they_are_on_gl"] {
+    for test in [
+        "every_rung_on_gl",
+        "boxes_on_gl",
+        "piles_stay_in_bounds_on_gl",
+        "moved_objects_are_where_they_are_on_gl",
+    ] {
         let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         gles::assert_gles_3_1(&gles::child(test, "3.1"));
     }

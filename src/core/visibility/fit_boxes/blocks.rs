@@ -30,7 +30,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Cuts a piece.
+    /// Along its flat sides, and between these as finely as is not too much work.
     pub fn cut(piece: &Piece, frame: &Frame, is_sheet: bool) -> Self {
         let sides: [Vec<f32>; 3] = std::array::from_fn(|axis| sides_along(piece, frame, axis));
         let mut cuts: [Vec<f32>; 3] = Default::default();

@@ -10,6 +10,8 @@ const SAME_PLACE: f32 = 1e-5;
 const SAME_NORMAL: f32 = 0.9995;
 /// Sides of a piece that are told apart.
 const MOST_SIDES: usize = 64;
+/// Edges lie in a plane where at least so much of their length does.
+const LYING: f32 = 0.1;
 /// Edges that a piece may be turned to.
 const MOST_EDGES: usize = 48;
 /// Larger pieces are no plates.
@@ -165,11 +167,15 @@ impl Piece {
     /// The frame about a normal in which the rectangle around it, along one of its longest edges, is least.
     pub fn frame(&self, normal: Vec3) -> Frame {
         let edges = self.triangles.iter().flat_map(|[a, b, c]| [*b - *a, *c - *b, *a - *c]);
-        let mut along: Vec<Vec3> = edges.map(|edge| edge - normal * edge.dot(normal)).collect();
+        // What is left of an edge along the normal is rounding.
+        let lies = |(edge, within): &(Vec3, Vec3)| within.length() > LYING * edge.length();
+        let within = |edge: Vec3| (edge, edge - normal * edge.dot(normal));
+        let mut along: Vec<Vec3> = edges.map(within).filter(lies).map(|(_, within)| within).collect();
         along.sort_by(|a, b| b.length_squared().total_cmp(&a.length_squared()));
         let mut tried: Vec<Vec3> = Vec::new();
         for edge in along {
             let Some(edge) = edge.try_normalize() else { continue };
+            let edge = (edge - normal * edge.dot(normal)).normalize_or(normal.any_orthonormal_vector());
             if tried.len() < MOST_EDGES && tried.iter().all(|t| t.dot(edge).abs() < SAME_NORMAL) {
                 tried.push(edge);
             }
