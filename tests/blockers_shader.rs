@@ -5,9 +5,9 @@ mod gles;
 mod support;
 
 use bytemuck::Zeroable;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use halflight::{
-    model::blocker::{BlockerSphere, Rung},
+    model::blocker::{BlockerBox, BlockerSphere, Rung},
     visibility::blockers::{BlockerTables, BlockerTerms, Blockers},
 };
 use std::path::Path;
@@ -56,6 +56,26 @@ fn spheres() -> Vec<BlockerSphere> {
     list
 }
 
+/// Thin and thick ones, one that receivers stand in, a sheet, one of the receivers' own body.
+fn boxes() -> Vec<BlockerBox> {
+    let of = |at: [f32; 3], half: [f32; 3], tilt: f32, body| {
+        let turn = Quat::from_rotation_x(tilt) * Quat::from_rotation_z(1.0 + tilt);
+        BlockerBox {
+            centre_world: at.into(),
+            axes_world: [turn * Vec3::X, turn * Vec3::Y, turn * Vec3::Z],
+            half_m: half.into(),
+            body,
+        }
+    };
+    vec![
+        of([0.0, 0.0, 0.3], [0.2, 0.15, 0.002], 0.2, 0),
+        of([0.4, -0.4, 0.25], [0.003, 0.2, 0.1], 1.3, 0),
+        of([-0.6, 0.5, 0.05], [0.1, 0.1, 0.1], 0.0, 1),
+        of([0.5, 0.6, 0.2], [0.2, 0.1, 0.0], 0.5, 1),
+        of([-0.4, -0.5, 0.2], [0.1, 0.1, 0.1], 0.4, 2),
+    ]
+}
+
 /// Spheres, a rung and an order.
 struct Case {
     name: String,
@@ -83,6 +103,8 @@ fn cases() -> Vec<Case> {
     };
     let lists = [
         ("a pile", spheres()),
+        ("a pile and boxes", spheres()),
+        ("boxes", Vec::new()),
         ("200 at one place", crowd(0.0)),
         ("200 within 1 mm", crowd(1e-3)),
         ("200 within 0.3 m", crowd(0.3)),
@@ -93,6 +115,9 @@ fn cases() -> Vec<Case> {
             for (what, list) in &lists {
                 let mut blockers = Blockers::new();
                 blockers.prepare(list, rung, order, 64);
+                if what.contains("boxes") {
+                    blockers.add_boxes(&boxes());
+                }
                 assert!(blockers.fit_shader());
                 let name = format!("{what}, {} order {order}", rung.name());
                 let most = most_off(what, rung);
@@ -109,6 +134,7 @@ fn cases() -> Vec<Case> {
 fn most_off(what: &str, rung: Rung) -> f32 {
     match (what, rung) {
         ("200 within 1 mm", _) => f32::INFINITY,
+        ("boxes" | "a pile and boxes", _) => 5e-5,
         ("a pile", _) | (_, Rung::Dc | Rung::Linear) => 2e-5,
         (_, Rung::Chain) => 1e-4,
         _ => 6e-4,

@@ -18,7 +18,7 @@ use halflight::{
         pose::Pose,
     },
     model::{
-        animation::{Channel, Clip, Figure, Interpolation, Moves, Playing},
+        animation::{BoundBox, Channel, Clip, Figure, Interpolation, Moves, Playing},
         blocker::Rung,
         frame::Exposure,
         image::HdrImage,
@@ -218,6 +218,59 @@ fn every_rung_on_gl() {
     every_rung(Backend::Gl);
 }
 
+/// Thin and thick boxes, some beside spheres of the same body, one that receivers stand in.
+fn boxes_and_spheres(spheres: &[(Vec3, f32)]) -> Scene {
+    let of = |at: [f32; 3], half: [f32; 3], tilt: f32| {
+        let turn = Quat::from_rotation_x(tilt) * Quat::from_rotation_z(0.5 + tilt);
+        BoundBox {
+            node: 0,
+            centre_node: at.into(),
+            axes_node: [turn * Vec3::X, turn * Vec3::Y, turn * Vec3::Z],
+            half_node: half.into(),
+        }
+    };
+    let mut scene = spheres_alone(spheres);
+    scene.figures[0].boxes = vec![
+        of([0.0, 0.15, 0.15], [0.15, 0.1, 0.002], 0.2),
+        of([0.1, -0.1, 0.08], [0.002, 0.1, 0.07], 0.0),
+        of([-0.1, -0.2, 0.03], [0.05, 0.05, 0.04], 0.0),
+        of([0.0, 0.0, 0.3], [0.1, 0.1, 0.0], 1.0),
+    ];
+    scene
+}
+
+fn every_rung_with_boxes(backend: Backend) {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(mut engine) = only_soft_shadow(&format!("boxes on {}", backend.name()), backend) else { return };
+    let mut cpu = CpuEngine::new(None).expect("threads");
+    for (rung, order) in [2, 4, 6].into_iter().flat_map(|order| Rung::ALL.map(|rung| (rung, order))) {
+        let quality =
+            Quality { rung, sh_order: order, soft_step_px: 2, coverage_samples: 1, ..Quality::default() };
+        for spheres in [&[][..], &[(Vec3::new(0.3, 0.2, 0.1), 0.08)]] {
+            let mut shot = Shot::new(boxes_and_spheres(spheres), soft_light(order), &quality);
+            let what = format!("boxes and {} spheres, {} order {order}", spheres.len(), rung.name());
+            for soft_at in [SoftAt::Pixel, SoftAt::Vertex] {
+                shot.plan.quality.soft_at = soft_at;
+                let (twin, device) = (shot.draw(&mut cpu), shot.draw(&mut engine));
+                let (apart, worst, smallest) = compare(&device, &twin);
+                println!("{what}, {soft_at:?}: {apart:.1e}, at most {worst:.1e}, darkest {smallest:.2}");
+                assert!(smallest < 0.7, "{what}: hardly any shadow");
+                assert!(apart < 4e-4 && worst < 2e-3, "{what}: {apart:e}, {worst:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn boxes_on_vulkan() {
+    every_rung_with_boxes(Backend::Vulkan);
+}
+
+#[test]
+fn boxes_on_gl() {
+    every_rung_with_boxes(Backend::Gl);
+}
+
 /// So many spheres, all the same or each a little elsewhere (all different bodies' worth of overlap).
 fn pile(count: usize, spread_m: f32) -> Vec<(Vec3, f32)> {
     (0..count)
@@ -386,7 +439,12 @@ fn moved_objects_are_where_they_are_on_gl() {
 
 #[test]
 fn gles_3_1_does_the_same() {
-    for test in ["every_rung_on_gl", "piles_stay_in_bounds_on_gl", "moved_objects_are_where_they_are_on_gl"] {
+    for test in [
+        "every_rung_on_gl",
+        "boxes_on_gl",
+        "piles_stay_in_bounds_on_gl",
+        "moved_objects_are_where_they_are_on_gl",
+    ] {
         let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         gles::assert_gles_3_1(&gles::child(test, "3.1"));
     }

@@ -1,4 +1,4 @@
-// What spheres, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
+// What spheres and boxes, in place of virtual objects, take of the soft light on real surfaces: (r, g, b) of irradiance / pi and
 // the inverse depth, as bits of four floats, in a picture of every n-th pixel. One fragment stage for the rung
 // `directions`, one for all others; or the same in vertex stages, over a grid (src/core/compose/soft_grid.rs), interpolated.
 // Twin: src/core/compose/soft_shadow.rs (over src/core/visibility/blockers).
@@ -209,12 +209,86 @@ fn blocked_eight(j: u32, point_world: vec3<f32>, normal: vec3<f32>) -> array<vec
             b *= clamp(threshold - (along.x * bx + along.y * by + along.z * bz), vec4<f32>(0.0), vec4<f32>(1.0));
         }
     }
+    for (var i = 0u; i < blockers.counts.z; i += 1u) {
+        let seen = seen_box(i, point_world, normal, NO_BODY);
+        if seen.kind == BOX_NOTHING {
+            continue;
+        }
+        var hidden_a = vec4<f32>(0.0);
+        var hidden_b = vec4<f32>(0.0);
+        for (var k = 0u; k < 3u; k += 1u) {
+            let face = soft_face(seen, k, normal);
+            hidden_a += face_share(face, ax, ay, az);
+            hidden_b += face_share(face, bx, by, bz);
+        }
+        a *= vec4<f32>(1.0) - min(hidden_a, vec4<f32>(1.0));
+        b *= vec4<f32>(1.0) - min(hidden_b, vec4<f32>(1.0));
+    }
     let number = vec4<u32>(j) + vec4<u32>(0u, 1u, 2u, 3u);
     let count = vec4<u32>(soft.counts.x);
     return array<vec4<f32>, 2>(
         select(vec4<f32>(0.0), vec4<f32>(1.0) - a, number < count),
         select(vec4<f32>(0.0), vec4<f32>(1.0) - b, number + vec4<u32>(4u) < count),
     );
+}
+
+// A face of a box as four planes through the receiver and its sides, softened for the directions. Twin: `SoftFace` of
+// src/core/visibility/blockers/boxes.rs.
+struct SoftFace {
+    // Normals that point inwards over h.
+    sides: array<vec3<f32>, 4>,
+    // Cosine of the angle between the normals of two sides that face each other, how much all four are one plane, and 1 (0:
+    // no such face).
+    facing_joined_seen: vec4<f32>,
+}
+
+fn soft_face(seen: SeenBox, k: u32, normal: vec3<f32>) -> SoftFace {
+    var soft_face: SoftFace;
+    let inverse = 1.0 / soft.softness.x;
+    if seen.kind == BOX_INSIDE {
+        let n = normal * inverse;
+        soft_face.sides = array<vec3<f32>, 4>(n, n, n, n);
+        soft_face.facing_joined_seen = vec4<f32>(1.0, 1.0, 1.0, select(0.0, 1.0, k == 0u));
+        return soft_face;
+    }
+    let face = seen_face(seen, k);
+    let z = face.depth;
+    if z <= 0.0 {
+        return soft_face;
+    }
+    var joined = 1.0;
+    for (var side = 0u; side < 2u; side += 1u) {
+        let low = face.low[side];
+        let high = face.high[side];
+        let to_low = max(sqrt(low * low + z * z), BOX_LEAST);
+        let to_high = max(sqrt(high * high + z * z), BOX_LEAST);
+        soft_face.sides[2u * side] = (face.axes[side] * z - face.axes[2] * low) * (inverse / to_low);
+        soft_face.sides[2u * side + 1u] = (face.axes[2] * high - face.axes[side] * z) * (inverse / to_high);
+        soft_face.facing_joined_seen[side] = -(z * z + low * high) / (to_low * to_high);
+        joined *= 0.5 * (high / to_high - low / to_low);
+    }
+    soft_face.facing_joined_seen.z = joined;
+    soft_face.facing_joined_seen.w = 1.0;
+    return soft_face;
+}
+
+// The shares of four directions that a face hides.
+fn face_share(face: SoftFace, x: vec4<f32>, y: vec4<f32>, z: vec4<f32>) -> vec4<f32> {
+    var inner: array<vec4<f32>, 4>;
+    for (var i = 0u; i < 4u; i += 1u) {
+        let n = face.sides[i];
+        inner[i] = clamp(n.x * x + n.y * y + n.z * z + vec4<f32>(0.5), vec4<f32>(0.0), vec4<f32>(1.0));
+    }
+    let across = on_both(inner[0], inner[1], face.facing_joined_seen.x);
+    let along = on_both(inner[2], inner[3], face.facing_joined_seen.y);
+    return on_both(across, along, face.facing_joined_seen.z) * face.facing_joined_seen.w;
+}
+
+// The share that is on the inner side of two edges, of the shares on that of each, and the cosine between their normals.
+fn on_both(a: vec4<f32>, b: vec4<f32>, cosine: f32) -> vec4<f32> {
+    let extreme = select(max(a + b - vec4<f32>(1.0), vec4<f32>(0.0)), min(a, b), cosine > 0.0);
+    let size = abs(cosine);
+    return (1.0 - size) * (a * b) + size * extreme;
 }
 
 fn taken(point_world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {

@@ -1,4 +1,4 @@
-// How much of its directions spheres hide from a receiver, every rung but `directions`. Twin: src/core/visibility/blockers/mod.rs.
+// How much of its directions spheres and boxes hide from a receiver, every rung but `directions`. Twin: src/core/visibility/blockers/mod.rs.
 // Needs shared/sh_product and two uniforms of the structs below, `blockers` and `tables`, which Rust fills.
 
 struct BlockerTerms {
@@ -6,8 +6,13 @@ struct BlockerTerms {
     spheres: array<vec4<f32>, 256>,
     // Body of sphere 4 i + k in component k.
     bodies: array<vec4<u32>, 64>,
-    // Spheres, rung (below), 0, 0.
+    // Spheres, rung (below), boxes, 0.
     counts: vec4<u32>,
+    // Of each box three rows: centre (world frame, metres) and half the first extent; first axis and half the second
+    // extent; second axis and half the third extent.
+    boxes: array<array<vec4<f32>, 3>, 128>,
+    // Body of box 4 i + k in component k.
+    box_bodies: array<vec4<u32>, 32>,
 }
 
 // What depends on SH_ORDER alone.
@@ -174,6 +179,147 @@ fn blocker_exponential(g: Sh, rung: u32) -> Sh {
     return sh_guard(v);
 }
 
+const BOX_NOTHING = 0u;
+const BOX_INSIDE = 1u;
+const BOX_FACES = 2u;
+// Squared distance from which a box is too far; nothing is divided by less than the second.
+const BOX_FAR = 1e30;
+const BOX_LEAST = 1e-30;
+// A side shorter than this share of the box's longest has two nodes, any other four.
+const BOX_SHORT = 0.125;
+
+// A box as a receiver sees it. Twin: src/core/visibility/blockers/boxes.rs.
+struct SeenBox {
+    kind: u32,
+    axes: array<vec3<f32>, 3>,
+    // From the receiver to the centre along each axis, half the extents, the normal.
+    at: vec3<f32>,
+    half: vec3<f32>,
+    up: vec3<f32>,
+}
+
+// A face of it: unit axes along its sides and straight to its plane, where it begins and ends along the first two, how
+// far its plane is (0: there is no such face), and half its sides over the box's longest.
+struct SeenFace {
+    axes: array<vec3<f32>, 3>,
+    low: vec2<f32>,
+    high: vec2<f32>,
+    depth: f32,
+    short: vec2<f32>,
+}
+
+fn seen_box(i: u32, point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> SeenBox {
+    let rows = blockers.boxes[i];
+    var seen: SeenBox;
+    seen.kind = BOX_NOTHING;
+    seen.axes = array<vec3<f32>, 3>(rows[1].xyz, rows[2].xyz, cross(rows[1].xyz, rows[2].xyz));
+    seen.half = vec3<f32>(rows[0].w, rows[1].w, rows[2].w);
+    let to = rows[0].xyz - point_world;
+    seen.at = vec3<f32>(dot(seen.axes[0], to), dot(seen.axes[1], to), dot(seen.axes[2], to));
+    seen.up = vec3<f32>(dot(seen.axes[0], normal), dot(seen.axes[1], normal), dot(seen.axes[2], normal));
+    if blockers.box_bodies[i / 4u][i % 4u] == body || !(dot(seen.at, seen.up) + dot(seen.half, abs(seen.up)) > 0.0)
+        || !(dot(to, to) < BOX_FAR) {
+        return seen;
+    }
+    seen.kind = select(BOX_FACES, BOX_INSIDE, all(abs(seen.at) <= seen.half));
+    return seen;
+}
+
+fn seen_face(seen: SeenBox, k: u32) -> SeenFace {
+    let i = (k + 1u) % 3u;
+    let j = (k + 2u) % 3u;
+    let side = select(1.0, -1.0, seen.at[k] < 0.0);
+    var face: SeenFace;
+    face.axes = array<vec3<f32>, 3>(seen.axes[i], seen.axes[j], seen.axes[k] * side);
+    face.low = vec2<f32>(seen.at[i] - seen.half[i], seen.at[j] - seen.half[j]);
+    face.high = vec2<f32>(seen.at[i] + seen.half[i], seen.at[j] + seen.half[j]);
+    face.depth = max(abs(seen.at[k]) - seen.half[k], 0.0);
+    let height = face.depth * side * seen.up[k] + seen.at[i] * seen.up[i] + seen.at[j] * seen.up[j]
+        + seen.half[i] * abs(seen.up[i]) + seen.half[j] * abs(seen.up[j]);
+    if !(height > 0.0) {
+        face.depth = 0.0;
+    }
+    let longest = max(seen.half.x, max(seen.half.y, seen.half.z));
+    face.short = vec2<f32>(seen.half[i], seen.half[j]) / longest;
+    return face;
+}
+
+// Node and weight of the Gauss-Legendre rule on 0 to 1, of two or four nodes.
+fn box_node(k: u32, is_short: bool) -> vec2<f32> {
+    if is_short {
+        return vec2<f32>(select(0.21132487, 0.78867513, k == 1u), 0.5);
+    }
+    let outer = k == 0u || k == 3u;
+    let node = select(0.33000948, 0.06943184, outer);
+    return vec2<f32>(select(node, 1.0 - node, k > 1u), select(0.32607258, 0.17392742, outer));
+}
+
+fn face_along(y: f32, z: f32, cosine: f32) -> f32 {
+    return y * cosine / max(sqrt(z * z + y * y * cosine * cosine), BOX_LEAST);
+}
+
+// The integral of each y_i over the solid angle of a face, added.
+fn face_hidden(face: SeenFace, before: Sh) -> Sh {
+    var out = before;
+    let z = face.depth;
+    let first = atan2(face.low.x, z);
+    let span = atan2(z * (face.high.x - face.low.x), z * z + face.low.x * face.high.x);
+    let is_short = face.short < vec2<f32>(BOX_SHORT);
+    for (var i = 0u; i < select(4u, 2u, is_short.x); i += 1u) {
+        let t = box_node(i, is_short.x);
+        let angle = first + t.x * span;
+        let begin = face_along(face.low.y, z, cos(angle));
+        let size = face_along(face.high.y, z, cos(angle)) - begin;
+        for (var j = 0u; j < select(4u, 2u, is_short.y); j += 1u) {
+            let u = box_node(j, is_short.y);
+            let h = begin + u.x * size;
+            let across = sqrt(max(1.0 - h * h, 0.0));
+            let w = face.axes[0] * (across * sin(angle)) + face.axes[1] * h + face.axes[2] * (across * cos(angle));
+            out = sh_add(out, sh_of(w), t.y * u.y * span * size);
+        }
+    }
+    return out;
+}
+
+// The integral of each y_i over what box i hides from a receiver.
+fn box_hidden(i: u32, point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> Sh {
+    let seen = seen_box(i, point_world, normal, body);
+    var out = Sh();
+    if seen.kind == BOX_INSIDE {
+        // A hemisphere: 2 pi P_l'(0) / (l (l + 1)).
+        let half = 0.5 * FOUR_PI;
+        return sh_bands(sh_of(normal), half * vec4<f32>(1.0, 0.5, 0.0, -0.125), half * vec2<f32>(0.0, 0.0625));
+    }
+    if seen.kind == BOX_FACES {
+        for (var k = 0u; k < 3u; k += 1u) {
+            let face = seen_face(seen, k);
+            if face.depth > 0.0 {
+                out = face_hidden(face, out);
+            }
+        }
+    }
+    return out;
+}
+
+// V without what the boxes hide, of `dc` its mean alone.
+fn without_boxes(v: Sh, point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> Sh {
+    var out = v;
+    for (var i = 0u; i < blockers.counts.z; i += 1u) {
+        let hidden = box_hidden(i, point_world, normal, body);
+        if !(hidden[0].x > 0.0) {
+            continue;
+        }
+        var open = sh_add(Sh(), hidden, -1.0);
+        open[0].x = max(open[0].x + WHOLE, 0.0);
+        if blockers.counts.y == RUNG_DC {
+            out[0].x *= open[0].x / WHOLE;
+        } else {
+            out = sh_guard(blocker_product(out, open));
+        }
+    }
+    return out;
+}
+
 // 1 - V of a receiver, exactly 0 where nothing blocks: a point and a unit normal in the world frame, and its body or
 // NO_BODY. Any rung but `directions`.
 fn blocker_blocked(point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> Sh {
@@ -197,11 +343,12 @@ fn blocker_blocked(point_world: vec3<f32>, normal: vec3<f32>, body: u32) -> Sh {
         }
     }
     if !any {
-        return Sh();
-    }
-    if !multiplies {
+        sum = Sh();
+        sum[0].x = WHOLE;
+    } else if !multiplies {
         sum = blocker_exponential(sum, rung);
     }
+    sum = without_boxes(sum, point_world, normal, body);
     var blocked = sh_add(Sh(), sum, -1.0);
     blocked[0].x += WHOLE;
     return blocked;

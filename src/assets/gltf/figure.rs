@@ -77,6 +77,7 @@ pub fn decode_figure(file: &Path, bytes: &[u8]) -> Result<LoadedFigure, AssetErr
         walk: None,
         sphere_count: DEFAULT_SPHERES,
         spheres: Vec::new(),
+        boxes: Vec::new(),
     };
     Ok(LoadedFigure { objects, figure })
 }

@@ -184,5 +184,6 @@ pub fn static_figure(objects: usize) -> Figure {
         walk: None,
         sphere_count: DEFAULT_SPHERES,
         spheres: Vec::new(),
+        boxes: Vec::new(),
     }
 }

@@ -141,6 +141,7 @@ pub fn walker() -> LoadedFigure {
         walk: None,
         sphere_count: DEFAULT_SPHERES,
         spheres: Vec::new(),
+        boxes: Vec::new(),
     };
     LoadedFigure { objects: vec![object], figure }
 }

@@ -147,6 +147,7 @@ mod tests {
             walk: None,
             sphere_count: 4,
             spheres: Vec::new(),
+            boxes: Vec::new(),
         };
         (figure, vec![object])
     }

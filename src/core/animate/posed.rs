@@ -1,9 +1,9 @@
-//! A scene at one moment: where every vertex and every blocker sphere is.
+//! A scene at one moment: where every vertex, every blocker sphere and every blocker box is.
 
 use super::{clip, skin, walk};
 use crate::model::{
-    animation::{Attachment, Figure, FigurePart, Transform},
-    blocker::BlockerSphere,
+    animation::{Attachment, BoundBox, Figure, FigurePart, Transform},
+    blocker::{BlockerBox, BlockerSphere},
     scene::Scene,
 };
 use glam::{Affine3A, Vec3};
@@ -28,9 +28,16 @@ pub struct PosedObject {
 pub struct Posed {
     objects: Vec<PosedObject>,
     spheres: Vec<BlockerSphere>,
+    boxes: Vec<BlockerBox>,
+    /// What blocks soft light beside the boxes, and all that is around spheres and boxes.
+    blocking: Vec<BlockerSphere>,
+    around: Vec<BlockerSphere>,
     nodes: NodeBuffers,
     updated: bool,
 }
+
+/// Spheres whose centre is within so many of their radii of a box are part of what it stands for.
+const NEAR: f32 = 0.5;
 
 /// Of the figure at hand.
 #[derive(Clone, Debug, Default)]
@@ -61,7 +68,10 @@ impl Posed {
         if !fits {
             self.set_up(scene);
         }
-        self.spheres.clear();
+        for spheres in [&mut self.spheres, &mut self.blocking, &mut self.around] {
+            spheres.clear();
+        }
+        self.boxes.clear();
         for object in &mut self.objects {
             object.moved = !fits;
         }
@@ -77,6 +87,10 @@ impl Posed {
                     body: first,
                 })
             }));
+            let world_from = |bound: &BoundBox| world_from_node.get(bound.node as usize);
+            let boxes =
+                figure.boxes.iter().filter_map(|bound| Some(placed(bound, world_from(bound)?, first)));
+            self.boxes.extend(boxes.filter(BlockerBox::is_sound));
             if fits && figure.is_still() {
                 continue;
             }
@@ -84,6 +98,7 @@ impl Posed {
                 self.deform(scene, part);
             }
         }
+        self.sort_out();
         self.updated = true;
     }
 
@@ -92,9 +107,39 @@ impl Posed {
         &self.objects
     }
 
-    /// Of all figures, in their order.
+    /// Of all figures, in their order: what mirrors and sharp gloss see of a body.
     pub fn spheres(&self) -> &[BlockerSphere] {
         &self.spheres
+    }
+
+    /// Boxes for the thin parts of all figures, in their order.
+    pub fn boxes(&self) -> &[BlockerBox] {
+        &self.boxes
+    }
+
+    /// The spheres that block soft light: all but those in place of which a box stands.
+    pub fn blocking(&self) -> &[BlockerSphere] {
+        &self.blocking
+    }
+
+    /// All spheres, and a sphere around each box: nothing that blocks soft light reaches out of them further than fitted
+    /// spheres do.
+    pub fn around(&self) -> &[BlockerSphere] {
+        &self.around
+    }
+
+    /// A sphere whose centre a box of its body holds, or nearly, stands for what the box stands for.
+    fn sort_out(&mut self) {
+        let boxes = &self.boxes;
+        let is_boxed = |sphere: &BlockerSphere| {
+            let holds = |b: &BlockerBox| {
+                b.body == sphere.body && b.holds(sphere.centre_world, NEAR * sphere.radius_m)
+            };
+            boxes.iter().any(holds)
+        };
+        self.blocking.extend(self.spheres.iter().filter(|sphere| !is_boxed(sphere)));
+        self.around.extend(&self.spheres);
+        self.around.extend(boxes.iter().map(BlockerBox::around));
     }
 
     /// Objects where the scene places them, each a body of its own unless a figure has it.
@@ -120,7 +165,12 @@ impl Posed {
         self.nodes.locals.reserve(room(|f| f.skeleton.nodes.len()));
         self.nodes.world_from_node.reserve(room(|f| f.skeleton.nodes.len()));
         self.nodes.world_from_bind.reserve(room(|f| f.skeleton.joints.len()));
-        self.spheres.reserve(scene.figures.iter().map(|f| f.spheres.len()).sum());
+        let (spheres, boxes) =
+            scene.figures.iter().fold((0, 0), |(s, b), f| (s + f.spheres.len(), b + f.boxes.len()));
+        self.spheres.reserve(spheres);
+        self.blocking.reserve(spheres);
+        self.boxes.reserve(boxes);
+        self.around.reserve(spheres + boxes);
     }
 
     fn deform(&mut self, scene: &Scene, part: &FigurePart) {
@@ -162,6 +212,20 @@ impl NodeBuffers {
             node.copied().unwrap_or(world_from_root) * joint.node_from_bind
         }));
         &self.world_from_node
+    }
+}
+
+/// A bound box in the world. What a node shears stays a box: it is set upright along its first two axes.
+fn placed(bound: &BoundBox, world_from_node: &Affine3A, body: u32) -> BlockerBox {
+    let [x, y, z] = bound.axes_node.map(|axis| world_from_node.transform_vector3(axis));
+    let lengths = Vec3::new(x.length(), y.length(), z.length());
+    let x = x.normalize_or(Vec3::X);
+    let y = (y - x * x.dot(y)).normalize_or(x.any_orthonormal_vector());
+    BlockerBox {
+        centre_world: world_from_node.transform_point3(bound.centre_node),
+        axes_world: [x, y, x.cross(y)],
+        half_m: bound.half_node * lengths,
+        body,
     }
 }
 

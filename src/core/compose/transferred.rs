@@ -21,7 +21,7 @@ use super::shade_object::{LightTerms, Surroundings};
 use super::soft_shadow::Transfer;
 use crate::math::sh::{MAX_COEFFICIENTS, basis, lanes, log_exp::whole, product};
 use crate::model::{
-    blocker::{BlockerSphere, Rung},
+    blocker::{BlockerBox, BlockerSphere, Rung},
     quality::{Quality, SelfShadow},
     scene::Scene,
     transfer::SceneTransfer,
@@ -50,8 +50,10 @@ pub struct VertexFrame<'a> {
     pub objects: &'a ObjectGeometry,
     /// Whether any object has moved since the last frame.
     pub moved: bool,
-    /// Spheres of all bodies, world frame.
+    /// Spheres of all bodies that block soft light, world frame.
     pub spheres: &'a [BlockerSphere],
+    /// Boxes for the thin parts of all bodies, likewise.
+    pub boxes: &'a [BlockerBox],
     /// The camera, world frame, metres.
     pub eye_world: Vec3,
     /// Which lobes are sharp.
@@ -92,6 +94,7 @@ pub struct Transferred {
     moving: Blockers,
     spheres: Vec<BlockerSphere>,
     moving_spheres: Vec<BlockerSphere>,
+    moving_boxes: Vec<BlockerBox>,
     last: Option<VertexInputs>,
 }
 
@@ -166,7 +169,7 @@ impl Transferred {
             let precomputed = uses_transfer && part.has_rows;
             let blockers = if precomputed { &self.moving } else { &self.all };
             let was_blocked = part.is_blocked;
-            part.is_blocked = blockers.spheres().iter().any(|sphere| sphere.body != material.body);
+            part.is_blocked = blockers.has_others(material.body);
             let new_blockers = new_spheres && (part.is_blocked || was_blocked);
             let is_glossy = material.exponent != MIRROR_EXPONENT && material.specular_rgb != [0.0; 3];
             let sees_eye = is_glossy && (part.is_blocked || (precomputed && part.has_blocked));
@@ -247,10 +250,14 @@ impl Transferred {
         self.spheres.extend_from_slice(frame.spheres);
         let (rung, order, directions) = (frame.quality.rung, frame.light.order, frame.quality.directions);
         self.all.prepare(frame.spheres, rung, order, directions);
+        self.all.add_boxes(frame.boxes);
         self.moving_spheres.clear();
         let moving = frame.spheres.iter().filter(|sphere| self.movers.contains(&sphere.body));
         self.moving_spheres.extend(moving);
         self.moving.prepare(&self.moving_spheres, rung, order, directions);
+        self.moving_boxes.clear();
+        self.moving_boxes.extend(frame.boxes.iter().filter(|b| self.movers.contains(&b.body)));
+        self.moving.add_boxes(&self.moving_boxes);
     }
 
     /// M^{L_g} (1 - V) for the light at hand.
@@ -435,6 +442,9 @@ impl<'a> Object<'a> {
         if let (Some(_), Some(blockers)) = (seen, self.blockers) {
             for sphere in blockers.spheres().iter().filter(|sphere| sphere.body != self.material.body) {
                 left *= lobes::share_left(self.material.exponent, along, point, normal, sphere);
+            }
+            for b in blockers.boxes().iter().filter(|b| b.body != self.material.body) {
+                left *= lobes::share_left_by_box(self.material.exponent, along, point, normal, b);
             }
         }
         left

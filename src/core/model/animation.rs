@@ -180,6 +180,19 @@ pub struct BoundSphere {
     pub radius_node: f32,
 }
 
+/// A box that stands for a thin part of a rigid piece of a body and moves with a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundBox {
+    /// Index of the node.
+    pub node: u32,
+    /// Centre in the node's frame.
+    pub centre_node: Vec3,
+    /// Unit vectors at right angles to each other, in the node's frame.
+    pub axes_node: [Vec3; 3],
+    /// Half the extent along each, in the node's unit.
+    pub half_node: Vec3,
+}
+
 /// A body: one or several objects of a scene with a skeleton (a static body has a single node), and its spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
@@ -201,6 +214,9 @@ pub struct Figure {
     pub sphere_count: usize,
     /// Empty until fitted.
     pub spheres: Vec<BoundSphere>,
+    /// They stand for its thin parts where it blocks soft light, in place of the spheres in them. Empty until fitted, and
+    /// where nothing is thin.
+    pub boxes: Vec<BoundBox>,
 }
 
 impl Figure {
@@ -230,6 +246,7 @@ impl Figure {
             walk: None,
             sphere_count: spheres.len(),
             spheres,
+            boxes: Vec::new(),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::{Effect, LARGEST_ERROR, Pass, bounds, effects::Occasion, view_cone::ViewCone, work::Amounts};
 use crate::math::{lens::Lens, pose::Pose, sh::zonal::phong_saturates};
 use crate::model::{
-    blocker::SHADER_SPHERES,
+    blocker::{SHADER_BOXES, SHADER_SPHERES},
     light::Lights,
     quality::{Effects, Quality, SelfShadow},
     scene::{Material, Mesh, Scene},
@@ -81,6 +81,7 @@ pub struct Look<'a> {
     faces: bool,
     receivers: bool,
     spheres: usize,
+    boxes: usize,
     is_glossy: bool,
 }
 
@@ -117,6 +118,7 @@ impl<'a> Look<'a> {
             faces: hard().any(|w| receiving().any(|s| faces_light(&s.mesh, w))),
             receivers: receiving().next().is_some(),
             spheres: scene.figures.iter().map(|f| f.spheres.len()).sum(),
+            boxes: scene.figures.iter().map(|f| f.boxes.len()).sum(),
             is_glossy: scene.objects.iter().any(|o| glossy(&o.material)),
         }
     }
@@ -222,7 +224,7 @@ impl<'a> Look<'a> {
         if self.in_room {
             return Ruling::nothing("the known room's own lights throw the shadows");
         }
-        if self.spheres == 0 {
+        if self.spheres + self.boxes == 0 {
             return Ruling::nothing("no virtual body has spheres");
         }
         if !self.receivers {
@@ -231,9 +233,9 @@ impl<'a> Look<'a> {
         if self.light.global.rows().iter().flatten().all(|c| *c == 0.0) {
             return Ruling::nothing("no soft light");
         }
-        let reason = if self.spheres > SHADER_SPHERES {
+        let reason = if self.spheres > SHADER_SPHERES || self.boxes > SHADER_BOXES {
             "virtual bodies stand in soft light over real surfaces; on the CPU with either engine if more than 256 \
-             spheres count: shaders take no more"
+             spheres or 128 boxes count: shaders take no more"
         } else {
             "virtual bodies stand in soft light over real surfaces"
         };
@@ -314,7 +316,7 @@ impl<'a> Look<'a> {
         match objects.why {
             Err(reason) => Ruling::nothing(reason),
             Ok(_) if self.in_room => Ruling::nothing("the known room lights the vertices"),
-            Ok(_) if !transfers && self.spheres == 0 => {
+            Ok(_) if !transfers && self.spheres + self.boxes == 0 => {
                 Ruling::nothing("no precomputed transfer, and no spheres to be hidden by")
             }
             Ok(_) if self.light.global.rows().iter().flatten().all(|c| *c == 0.0) => {
@@ -346,7 +348,7 @@ impl<'a> Look<'a> {
             vertices: self.scene.objects.iter().map(|o| o.mesh.positions.len()).sum(),
             maps,
             map_texels: quality.shadow_map_texels as usize,
-            spheres: self.spheres,
+            spheres: self.spheres + self.boxes,
             soft_step_px: quality.soft_step_px as usize,
             near_lights: if self.in_room { quality.shadow_maps.saturating_sub(maps) } else { 0 },
             near_texels: quality.shadow_map_texels as usize / 4,

@@ -83,6 +83,18 @@ pub fn fit(
     })
 }
 
+/// The share of a mesh's volume, as `fit` sees it, of which `covers` says no. `None` where no triangle has an area.
+pub fn uncovered_share(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    covers: impl Fn(Vec3) -> bool,
+) -> Option<f32> {
+    let voxels = Voxels::of_mesh(positions, triangles)?;
+    let inner = voxels.inner_points();
+    let missed = inner.iter().filter(|p| !covers((voxels.origin + **p * voxels.cell).as_vec3())).count();
+    Some(missed as f32 / inner.len().max(1) as f32)
+}
+
 /// Lloyd's iteration on the inner cubes from farthest points; each cluster gives the ball of its volume.
 fn clusters(voxels: &Voxels, count: usize) -> Vec<FoundSphere> {
     let points = voxels.inner_points();

@@ -1,6 +1,7 @@
 //! How much of a Phong lobe a sphere hides: what sharp gloss sees of moving bodies, without harmonics.
 
-use crate::model::blocker::BlockerSphere;
+use super::blockers;
+use crate::model::blocker::{BlockerBox, BlockerSphere};
 use glam::Vec3;
 
 /// Share, 0 to 1, of the lobe cos^exponent about the unit vector `axis` that a sphere leaves to a point outside of it; 0
@@ -22,6 +23,16 @@ pub fn share_left(exponent: f32, axis: Vec3, point_world: Vec3, normal: Vec3, sp
     let half_angle = (sphere.radius_m / distance).clamp(0.0, 1.0).asin();
     let angle = (axis.dot(to) / distance).clamp(-1.0, 1.0).acos();
     1.0 - share_hidden(exponent, half_angle, angle)
+}
+
+/// The same of a box: it counts as a cap of its solid angle about the mean of the directions that it hides.
+pub fn share_left_by_box(exponent: f32, axis: Vec3, point_world: Vec3, normal: Vec3, of: &BlockerBox) -> f32 {
+    let Some(hidden) = blockers::box_hidden(of, 2, point_world, normal) else { return 1.0 };
+    // y_00 = sqrt(1/(4 pi)); band 1 is proportional to (-y, z, -x).
+    let share = (hidden[0] / (4.0 * std::f32::consts::PI).sqrt()).clamp(0.0, 1.0);
+    let mean = Vec3::new(-hidden[3], hidden[2], -hidden[1]).normalize_or(normal);
+    let half_angle = (1.0 - 2.0 * share).acos();
+    1.0 - share_hidden(exponent, half_angle, axis.dot(mean).clamp(-1.0, 1.0).acos())
 }
 
 /// Share of the lobe that a cap of a half angle hides whose axis is at an angle to the lobe's, radians.

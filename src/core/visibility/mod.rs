@@ -1,6 +1,7 @@
 //! What blocks the light.
 
 pub mod blockers;
+pub mod fit_boxes;
 pub mod fit_spheres;
 pub mod lobes;
 pub mod openness;

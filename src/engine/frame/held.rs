@@ -5,7 +5,10 @@ use super::{FrameJob, FrameState};
 use crate::animate::posed::Posed;
 use crate::compose::{shade_object::LightTerms, transferred::VertexFrame};
 use crate::math::{lens::Lens, pose::Pose};
-use crate::model::{blocker::BlockerSphere, quality::Quality};
+use crate::model::{
+    blocker::{BlockerBox, BlockerSphere},
+    quality::Quality,
+};
 use crate::plan::{Foresight, FramePlan, Pass, PassSet, Product};
 use crate::visibility::{point_maps::PointCamera, shadow_maps::ShadowCamera};
 use std::ops::Range;
@@ -29,6 +32,7 @@ struct MadeFrom {
 pub(crate) struct Held {
     inputs: Option<Box<MadeFrom>>,
     spheres: Vec<BlockerSphere>,
+    boxes: Vec<BlockerBox>,
     /// Grows with every change of the inputs: a number is never one of other inputs.
     frame: u64,
     geometry: u64,
@@ -151,6 +155,7 @@ impl Held {
     fn take(&mut self, job: &FrameJob<'_>) {
         let input = job.input;
         let spheres = input.posed.map_or(&[][..], Posed::spheres);
+        let boxes = input.posed.map_or(&[][..], Posed::boxes);
         let now = MadeFrom {
             lens: *input.lens,
             world_from_camera: *input.world_from_camera,
@@ -161,12 +166,14 @@ impl Held {
             geometry: self.geometry,
         };
         match &mut self.inputs {
-            Some(before) if **before == now && self.spheres == spheres => return,
+            Some(before) if **before == now && self.spheres == spheres && self.boxes == boxes => return,
             Some(before) => **before = now,
             before => *before = Some(Box::new(now)),
         }
         self.spheres.clear();
         self.spheres.extend_from_slice(spheres);
+        self.boxes.clear();
+        self.boxes.extend_from_slice(boxes);
         self.frame += 1;
     }
 }
@@ -215,7 +222,8 @@ impl FrameState {
             light: &job.light,
             objects: &self.objects,
             moved: self.moved,
-            spheres: job.input.posed.map_or(&[][..], Posed::spheres),
+            spheres: job.input.posed.map_or(&[][..], Posed::blocking),
+            boxes: job.input.posed.map_or(&[][..], Posed::boxes),
             eye_world: job.input.world_from_camera.translation.as_vec3(),
             surroundings: job.surroundings(&self.reflected),
             quality: job.quality,

@@ -160,7 +160,8 @@ impl FrameState {
             light: &job.light,
             objects: &self.objects,
             moved: self.moved,
-            spheres,
+            spheres: job.input.posed.map_or(&[][..], Posed::blocking),
+            boxes: job.input.posed.map_or(&[][..], Posed::boxes),
             eye_world: job.camera.eye,
             surroundings: job.surroundings(&self.reflected),
             quality: job.quality,
@@ -169,12 +170,13 @@ impl FrameState {
         self.light_by_room();
     }
 
-    /// Takes over the spheres and the light of a frame.
+    /// Takes over the spheres, the boxes and the light of a frame.
     pub fn prepare_blockers(&mut self, job: &FrameJob<'_>) {
         self.transfer.update(&job.light);
-        let spheres = job.input.posed.map_or(&[][..], Posed::spheres);
+        let spheres = job.input.posed.map_or(&[][..], Posed::blocking);
         let quality = job.quality;
         self.blockers.prepare(spheres, quality.rung, job.light.order, quality.directions);
+        self.blockers.add_boxes(job.input.posed.map_or(&[][..], Posed::boxes));
         self.planes.prepare(&self.blockers, &self.transfer);
     }
 

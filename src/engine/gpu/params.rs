@@ -219,11 +219,11 @@ const fn bytes_of_what<Whole, Part>(_: fn(&Whole) -> &Part) -> usize {
     size_of::<Part>()
 }
 
-/// The spheres of `shared/blockers`, which `visibility` lays out.
+/// The spheres and boxes of `shared/blockers`, which `visibility` lays out.
 pub const BLOCKER_TERMS: StructLayout = StructLayout {
     name: "BlockerTerms",
     size: size_of::<BlockerTerms>(),
-    members: members_of!(BlockerTerms: spheres, bodies, counts),
+    members: members_of!(BlockerTerms: spheres, bodies, counts, boxes, box_bodies),
 };
 
 /// The tables of `shared/blockers`, likewise.

@@ -15,14 +15,14 @@ use crate::model::{
     picture::{Picture, PictureView},
     quality::Quality,
     response::Response,
-    scene::{Material, Scene, VirtualObject},
+    scene::{Material, Mesh, Scene, VirtualObject},
 };
 use crate::plan::{
     Foresight, FramePlan, Pass, Verdict,
     effects::{self, Occasion},
 };
 use crate::visibility::shadow_maps::{Receivers, ShadowMaps};
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 
 /// White of the views that show shares of light.
 const WHITE: f32 = 0.9;
@@ -142,7 +142,7 @@ impl Views {
             project: reads_ball,
             camera: Some((input.lens, input.world_from_camera)),
             camera_picture: own_picture.is_some(),
-            spheres: changed.posed.map(Posed::spheres),
+            spheres: changed.posed.map(Posed::around),
             foresight: self.foresight.as_ref(),
             ..Occasion::SHOW
         };
@@ -311,21 +311,25 @@ fn leave_out(view: PictureView, plan: &mut FramePlan) {
     }
 }
 
-/// Every blocker sphere as a matt ball in a colour of its own.
+/// Everything that blocks soft light, spheres and boxes, matt and in a colour of its own.
 fn spheres_as_objects(input: &RelightInput<'_>, objects: &mut Vec<VirtualObject>) {
-    let spheres = input.posed.map_or(&[][..], |p| p.spheres());
-    if objects.len() != spheres.len() {
-        let mesh = shapes::icosphere(1.0, 2);
-        let openness = vec![1.0; mesh.positions.len()];
-        *objects = (0..spheres.len())
-            .map(|k| VirtualObject {
-                name: format!("sphere {k}"),
-                mesh: mesh.clone(),
-                material: Material::Lambert { albedo_rgb: colour(k) },
-                world_from_object: Affine3A::IDENTITY,
-                openness: openness.clone(),
-            })
-            .collect();
+    let spheres = input.posed.map_or(&[][..], |p| p.blocking());
+    let boxes = input.posed.map_or(&[][..], |p| p.boxes());
+    let is_sphere = |object: &&VirtualObject| object.name.starts_with("sphere");
+    if objects.len() != spheres.len() + boxes.len()
+        || objects.iter().filter(is_sphere).count() != spheres.len()
+    {
+        let made = |k: usize, what: &str, mesh: &Mesh| VirtualObject {
+            name: format!("{what} {k}"),
+            mesh: mesh.clone(),
+            material: Material::Lambert { albedo_rgb: colour(k) },
+            world_from_object: Affine3A::IDENTITY,
+            openness: vec![1.0; mesh.positions.len()],
+        };
+        let (ball, cube) = (shapes::icosphere(1.0, 2), shapes::cuboid(DVec3::ONE));
+        objects.clear();
+        objects.extend((0..spheres.len()).map(|k| made(k, "sphere", &ball)));
+        objects.extend((0..boxes.len()).map(|k| made(spheres.len() + k, "box", &cube)));
     }
     for (object, sphere) in objects.iter_mut().zip(spheres) {
         object.world_from_object = Affine3A::from_scale_rotation_translation(
@@ -333,6 +337,13 @@ fn spheres_as_objects(input: &RelightInput<'_>, objects: &mut Vec<VirtualObject>
             Quat::IDENTITY,
             sphere.centre_world,
         );
+    }
+    for (object, of) in objects.iter_mut().skip(spheres.len()).zip(boxes) {
+        // A sheet, too, has to be seen from its edge.
+        let half = of.half_m.max(Vec3::splat(1e-3 * of.half_m.max_element()));
+        let [x, y, z] = of.axes_world;
+        let axes = Mat3::from_cols(x * half.x, y * half.y, z * half.z);
+        object.world_from_object = Affine3A::from_mat3_translation(axes, of.centre_world);
     }
 }
 

@@ -59,6 +59,7 @@ fn lifted(object: usize) -> Figure {
         walk: None,
         sphere_count: 4,
         spheres: vec![BoundSphere { node: 0, centre_node: Vec3::Y, radius_node: 0.25 }],
+        boxes: Vec::new(),
     }
 }
 

@@ -73,6 +73,7 @@ impl SoftStage {
             objects: &self.geometry,
             moved: false,
             spheres,
+            boxes: &[],
             eye_world,
             surroundings: Surroundings::new(picture, &self.reflected, norm, light.order),
             quality: &self.quality,

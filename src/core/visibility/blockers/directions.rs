@@ -6,7 +6,10 @@
 //! is taken, which N directions leave of what is zero over the sphere; so V is exact where nothing and where everything
 //! is blocked, and nothing pops when the last sphere goes. And it is summed as 1 - B.
 
-use super::caps::{LaneCap, LaneVec};
+use super::{
+    boxes::SoftBox,
+    caps::{LaneCap, LaneVec},
+};
 use crate::{
     math::{
         sh::{
@@ -17,7 +20,7 @@ use crate::{
         },
         spiral,
     },
-    model::blocker::BlockerSphere,
+    model::blocker::{BlockerBox, BlockerSphere},
 };
 use std::ops::Range;
 
@@ -97,11 +100,11 @@ impl FixedDirections {
         &self.basis
     }
 
-    /// Tests all directions that a sphere may hide; `None` where none hides anything.
+    /// Tests all directions that a sphere or a box may hide; `None` where none hides anything.
     #[inline]
     pub fn open<'a, const L: usize>(
         &self,
-        spheres: impl Iterator<Item = &'a BlockerSphere>,
+        (spheres, boxes): (impl Iterator<Item = &'a BlockerSphere>, impl Iterator<Item = &'a BlockerBox>),
         points: &LaneVec<L>,
         normals: &LaneVec<L>,
     ) -> Option<OpenDirections<L>> {
@@ -124,6 +127,12 @@ impl FixedDirections {
             let tested = open.v.get_mut(range.clone()).into_iter().flatten();
             for (v, direction) in tested.zip(self.directions.get(range).into_iter().flatten()) {
                 *v = *v * ramp.at(*direction);
+            }
+        }
+        for soft in boxes.filter_map(|b| SoftBox::of(b, points, normals, self.softness)) {
+            open.touched = 0..count;
+            for (v, direction) in open.v.iter_mut().zip(&self.directions) {
+                *v = *v * (Lane::splat(1.0) - soft.at(*direction));
             }
         }
         (open.touched.start < open.touched.end).then_some(open)
@@ -159,12 +168,12 @@ impl FixedDirections {
     #[inline]
     pub fn visibility<'a, const N: usize, const L: usize>(
         &self,
-        spheres: impl Iterator<Item = &'a BlockerSphere>,
+        both: (impl Iterator<Item = &'a BlockerSphere>, impl Iterator<Item = &'a BlockerBox>),
         points: &LaneVec<L>,
         normals: &LaneVec<L>,
     ) -> LaneSh<f32, L> {
         let mut v = nothing();
-        if let Some(open) = self.open(spheres, points, normals) {
+        if let Some(open) = self.open(both, points, normals) {
             open.add_blocked(&self.basis, N * N, &mut v);
         }
         for v in &mut v[..N * N] {

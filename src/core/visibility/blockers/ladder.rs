@@ -1,7 +1,7 @@
 //! The rungs that multiply: `dc`, `linear`, `hybrid`, `squared`, `chain`, for L receivers side by side.
 
 use super::{
-    Blockers,
+    Blockers, boxes,
     caps::{LaneCap, LaneVec, MOST_TESTED, drop_contained},
     not_of,
 };
@@ -22,7 +22,8 @@ pub fn visibility<const N: usize, const L: usize>(
     body: Option<u32>,
 ) -> LaneSh<f32, L> {
     if blockers.rung == Rung::Directions {
-        return blockers.directions.visibility::<N, L>(blockers.others(body), points, normals);
+        let both = (blockers.others(body), blockers.other_boxes(body));
+        return blockers.directions.visibility::<N, L>(both, points, normals);
     }
     let mut product_of = BlockerProduct::<N, L>::new(blockers);
     // Which ones are tested does not depend on what the receivers see, nor on how these are grouped.
@@ -41,7 +42,9 @@ pub fn visibility<const N: usize, const L: usize>(
     for cap in not_of(further, body).filter_map(cap_of) {
         product_of.add(&cap);
     }
-    product_of.finish()
+    let mut v = product_of.finish();
+    boxes::take_out::<N, L>(blockers.other_boxes(body), blockers.rung, points, normals, &mut v);
+    v
 }
 
 /// A product of visibilities that grows cap by cap.

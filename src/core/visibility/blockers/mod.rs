@@ -1,9 +1,11 @@
 //! How much of the soft light spheres leave to a receiver: every rung of the accuracy ladder (Section 6.2 of [Now11],
-//! spec 6 and 7). Shader functions of the same: `shaders/shared/blockers.wgsl`.
+//! spec 6 and 7). Shader functions of the same: `shaders/shared/blockers.wgsl`. Boxes stand for what is thin: whatever the
+//! rung, V of the spheres is multiplied by what each leaves, and `directions` are tested against its faces.
 //!
 //! A frame calls [`Blockers::prepare`] once; then receivers ask from any number of threads. One receiver and a batch of
 //! eight go through the same code, so results do not depend on how receivers are grouped.
 
+mod boxes;
 mod caps;
 mod directions;
 mod ladder;
@@ -12,7 +14,8 @@ mod shader_terms;
 #[cfg(test)]
 mod tests;
 
-pub use crate::model::blocker::SHADER_SPHERES;
+pub use crate::model::blocker::{SHADER_BOXES, SHADER_SPHERES};
+pub use boxes::hidden as box_hidden;
 pub use plane::BlockedPlane;
 pub use shader_terms::{BlockerTables, BlockerTerms};
 
@@ -22,7 +25,7 @@ use crate::{
         lanes::LaneSh,
         log_exp::{self, Tables, tables},
     },
-    model::blocker::{BlockerSphere, Rung},
+    model::blocker::{BlockerBox, BlockerSphere, Rung},
 };
 use caps::lanes_of;
 use directions::FixedDirections;
@@ -39,6 +42,7 @@ pub const DIRECTIONS: std::ops::RangeInclusive<usize> = 32..=256;
 #[derive(Clone, Debug)]
 pub struct Blockers {
     spheres: Vec<BlockerSphere>,
+    boxes: Vec<BlockerBox>,
     rung: Rung,
     order: usize,
     tables: &'static Tables,
@@ -56,6 +60,7 @@ impl Blockers {
     pub fn new() -> Self {
         Self {
             spheres: Vec::new(),
+            boxes: Vec::new(),
             rung: Rung::Linear,
             order: 2,
             tables: tables(2),
@@ -71,6 +76,7 @@ impl Blockers {
         self.order = order.clamp(2, MAX_ORDER);
         self.tables = tables(self.order);
         self.spheres.clear();
+        self.boxes.clear();
         let sound =
             |s: &&BlockerSphere| s.centre_world.is_finite() && s.radius_m.is_finite() && s.radius_m > 0.0;
         for sphere in spheres.iter().filter(sound) {
@@ -90,6 +96,12 @@ impl Blockers {
         }
     }
 
+    /// Takes over the boxes of a frame, after [`Blockers::prepare`], which forgets those of the last. What is not finite or
+    /// has no area from any side is left out.
+    pub fn add_boxes(&mut self, boxes: &[BlockerBox]) {
+        self.boxes.extend(boxes.iter().filter(|b| b.is_sound()));
+    }
+
     /// The rung in use.
     pub fn rung(&self) -> Rung {
         self.rung
@@ -103,6 +115,16 @@ impl Blockers {
     /// Spheres that count.
     pub fn spheres(&self) -> &[BlockerSphere] {
         &self.spheres
+    }
+
+    /// Boxes that count.
+    pub fn boxes(&self) -> &[BlockerBox] {
+        &self.boxes
+    }
+
+    /// Whether any sphere or box is not of this body.
+    pub fn has_others(&self, body: u32) -> bool {
+        self.spheres.iter().any(|s| s.body != body) || self.boxes.iter().any(|b| b.body != body)
     }
 
     /// What the rung `directions` tests: unit directions (world), h and sin(h/2) of their ramps, and the mean of each y_i,
@@ -169,6 +191,11 @@ impl Blockers {
     /// The spheres that are not of a body.
     fn others(&self, body: Option<u32>) -> impl Iterator<Item = &BlockerSphere> {
         not_of(&self.spheres, body)
+    }
+
+    /// The boxes that are not of a body.
+    fn other_boxes(&self, body: Option<u32>) -> impl Iterator<Item = &BlockerBox> {
+        self.boxes.iter().filter(move |b| Some(b.body) != body)
     }
 
     /// V of L receivers.

@@ -78,7 +78,8 @@ impl Blockers {
             let mut sums = [Lane::splat(0.0); 3];
             if self.rung == Rung::Directions {
                 let (points, normals) = (lanes_of(&points), lanes_of(&normals));
-                if let Some(open) = self.directions.open(self.others(plane.body), &points, &normals) {
+                let both = (self.others(plane.body), self.other_boxes(plane.body));
+                if let Some(open) = self.directions.open(both, &points, &normals) {
                     open.add_blocked(&plane.weights, 3, &mut sums);
                 }
                 sums = std::array::from_fn(|c| Lane::splat(plane.unblocked[c]) - sums[c]);

@@ -6,7 +6,7 @@ use crate::{
         log_exp::{LOG_STEPS, tables},
         rings::Rings,
     },
-    model::blocker::{Rung, SHADER_SPHERES},
+    model::blocker::{Rung, SHADER_BOXES, SHADER_SPHERES},
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -18,8 +18,13 @@ pub struct BlockerTerms {
     pub spheres: [[f32; 4]; SHADER_SPHERES],
     /// Body of sphere 4 i + k at `[i][k]`.
     pub bodies: [[u32; 4]; SHADER_SPHERES / 4],
-    /// Spheres, rung (its place in [`Rung::ALL`]), 0, 0.
+    /// Spheres, rung (its place in [`Rung::ALL`]), boxes, 0.
     pub counts: [u32; 4],
+    /// Of each box: centre (world frame, metres) and half the first extent; first axis and half the second extent; second
+    /// axis and half the third extent. The third axis is at right angles to both.
+    pub boxes: [[[f32; 4]; 3]; SHADER_BOXES],
+    /// Body of box 4 i + k at `[i][k]`.
+    pub box_bodies: [[u32; 4]; SHADER_BOXES / 4],
 }
 
 /// What depends on the order alone; likewise.
@@ -44,9 +49,9 @@ const fn shader_samples(order: usize) -> usize {
 }
 
 impl Blockers {
-    /// Whether shaders can do what these do: at most [`SHADER_SPHERES`] spheres.
+    /// Whether shaders can do what these do: at most [`SHADER_SPHERES`] spheres and [`SHADER_BOXES`] boxes.
     pub fn fit_shader(&self) -> bool {
-        self.spheres.len() <= SHADER_SPHERES
+        self.spheres.len() <= SHADER_SPHERES && self.boxes.len() <= SHADER_BOXES
     }
 
     /// Fills the shader's uniform with what fits.
@@ -57,7 +62,17 @@ impl Blockers {
             out.bodies[i / 4][i % 4] = sphere.body;
         }
         let rung = Rung::ALL.iter().position(|rung| *rung == self.rung).unwrap_or(0);
-        out.counts = [count as u32, rung as u32, 0, 0];
+        let boxes = self.boxes.len().min(SHADER_BOXES);
+        for (i, of) in self.boxes.iter().take(boxes).enumerate() {
+            let [x, y, _] = of.axes_world;
+            out.boxes[i] = [
+                of.centre_world.extend(of.half_m.x).to_array(),
+                x.extend(of.half_m.y).to_array(),
+                y.extend(of.half_m.z).to_array(),
+            ];
+            out.box_bodies[i / 4][i % 4] = of.body;
+        }
+        out.counts = [count as u32, rung as u32, boxes as u32, 0];
     }
 
     /// Fills the shader's tables, of any rung but `directions`; they depend on the order alone.

@@ -1,4 +1,4 @@
-//! `halflight spheres`: the spheres that stand for a model where it blocks soft light.
+//! `halflight spheres`: the spheres that stand for a model where it blocks soft light, and boxes for what is thin.
 
 mod picture;
 
@@ -18,7 +18,10 @@ weights are strongest around it. The result is kept in the user's cache folder (
 
 The JSON has figure, count, outside_share and uncovered_share (volume of the spheres outside the model, and of the model
 outside the spheres, over the model's), mesh_volume, and spheres: node (index), node_name, centre_node and radius_node
-(in that node's frame and unit), centre_rest and radius_rest (in the model's frame, z up, at rest).
+(in that node's frame and unit), centre_rest and radius_rest (in the model's frame, z up, at rest). boxes are those for
+thin parts of rigid pieces: node, node_name, centre_node, axes_node, half_node (half the extents). They stand for the spheres
+in them; blocking_spheres says how many spheres are left, and uncovered_share_with_boxes what neither covers: so much of
+the model throws no soft shadow.
 
 Example: halflight spheres walker.glb --count 16 --out spheres.json --picture spheres.png";
 
@@ -60,7 +63,9 @@ pub fn run(arguments: SpheresArguments, global: &GlobalOptions) -> Result<(), Cl
         AssetError::new(&arguments.model, "triangles with an area").value(0).allowed("at least 1")
     })?;
     let bound = spheres::bound(&fit, figure, objects);
+    let blocking = spheres::Blocking::of(figure, objects, &bound, arguments.count);
     let mut json = spheres::to_json(figure, &fit, &bound);
+    blocking.add_to_json(figure, &mut json);
     json["format"] = super::JSON_FORMAT.into();
     let text = serde_json::to_string_pretty(&json)?;
     if let Some(out) = &arguments.out {
@@ -81,6 +86,7 @@ pub fn run(arguments: SpheresArguments, global: &GlobalOptions) -> Result<(), Cl
                 "{} spheres: {outside:.1} % of the model's volume outside it, {uncovered:.1} % of it uncovered",
                 fit.spheres.len()
             )
+            + &blocking.said()
     };
     say(&lines)?;
     if arguments.picture.is_some() || global.digest {
