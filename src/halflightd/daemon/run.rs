@@ -290,8 +290,6 @@ mod tests {
     fn a_camera_that_is_not_there_at_the_start_is_waited_for() {
         let (inbox, clock) = (Inbox::default(), ManualClock::default());
         let mut opened_at = Vec::new();
-        // Settings that cannot be met are told before a camera is waited for.
-        governor_of(settings)?;
         let camera = wait_for_camera(&inbox, &clock, || {
             opened_at.push(clock.now().0 / 1_000_000);
             if opened_at.len() < 8 { Err(missing()) } else { synthetic() }

@@ -13,6 +13,7 @@ mod stills;
 mod trace;
 
 pub use compare::{Comparison, MaskError, ShadowError, compare};
+pub use file::parse;
 pub use stills::{CaseStills, default_image, is_a_mask, of_case};
 
 use crate::{
