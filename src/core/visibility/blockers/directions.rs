@@ -101,7 +101,8 @@ impl FixedDirections {
     }
 
     /// Tests all directions that a sphere or a box may hide; `None` where none hides anything.
-    #[inline]
+    // Always: only within the widest instructions does it have them.
+    #[inline(always)]
     pub fn open<'a, const L: usize>(
         &self,
         (spheres, boxes): (impl Iterator<Item = &'a BlockerSphere>, impl Iterator<Item = &'a BlockerBox>),
@@ -165,7 +166,7 @@ impl FixedDirections {
     }
 
     /// V of L receivers.
-    #[inline]
+    #[inline(always)]
     pub fn visibility<'a, const N: usize, const L: usize>(
         &self,
         both: (impl Iterator<Item = &'a BlockerSphere>, impl Iterator<Item = &'a BlockerBox>),

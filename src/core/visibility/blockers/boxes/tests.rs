@@ -108,6 +108,30 @@ fn solid_angles_are_exact_near_and_far() {
 }
 
 #[test]
+fn directions_hide_the_solid_angle_in_the_mean() {
+    let mut dice = Dice::new(9);
+    for count in [64, 128, 256] {
+        let (mut sum, mut truth) = (0.0, 0.0);
+        for k in 0..400 {
+            let of = any_box(&mut dice, if k % 2 == 0 { 0.0 } else { 0.01 });
+            let mut v = [0.0; 36];
+            let mut blockers = Blockers::new();
+            blockers.prepare(&[], Rung::Directions, 2, count);
+            blockers.add_boxes(&[of]);
+            blockers.visibility(Vec3::ZERO, Vec3::Z, None, &mut v);
+            let whole = f64::from(whole::<f32>());
+            let (ours, exact) = (whole * (whole - f64::from(v[0])), solid_angle(&of));
+            // A direction stands for its cell: a plate that lies between two of them hides what they say.
+            let cell = whole * whole / count as f64;
+            assert!((ours - exact).abs() < cell, "{count}: {of:?}: {ours}, {exact}");
+            (sum, truth) = (sum + ours, truth + exact);
+        }
+        println!("{count}: {:.4}", sum / truth);
+        assert!((sum / truth - 1.0).abs() < 0.02, "{count}: {sum}, {truth}");
+    }
+}
+
+#[test]
 fn what_cannot_hide_hides_nothing_and_a_batch_is_its_receivers() {
     let mut dice = Dice::new(3);
     let sound = any_box(&mut dice, 0.01);
