@@ -1,5 +1,6 @@
 //! Which of a file's channels plays which part: by its topic's name, or by its schema's where only one topic has it.
 
+use super::places::u32_at;
 use super::schema::{self, Topic};
 use mcap::records::{Record, op};
 use std::collections::BTreeMap;
@@ -191,7 +192,7 @@ impl Channels {
 
     /// Takes a schema's name or a channel from a record.
     pub(super) fn define(&mut self, opcode: u8, body: &[u8]) {
-        if opcode != op::SCHEMA && opcode != op::CHANNEL {
+        if opcode != op::SCHEMA && opcode != op::CHANNEL || !lengths_fit(opcode, body) {
             return;
         }
         match mcap::parse_record(opcode, body) {
@@ -312,6 +313,28 @@ impl Channels {
         let most = names.iter().map(|name| steps(name)).max();
         Ok(names.into_iter().find(|name| Some(steps(name)) == most))
     }
+}
+
+/// Whether the texts of a schema or a channel lie within its record: the library makes room for their lengths before it looks.
+fn lengths_fit(opcode: u8, body: &[u8]) -> bool {
+    // Behind a text at a place.
+    let behind = |at: usize, end: usize| {
+        let length = body.get(at..at.checked_add(4)?).map(|length| u32_at(length, 0) as usize)?;
+        at.checked_add(4)?.checked_add(length).filter(|behind| *behind <= end)
+    };
+    let end = body.len();
+    let ids = if opcode == op::SCHEMA { 2 } else { 4 };
+    // Name and encoding, then a schema's bytes or a channel's list of pairs.
+    let Some(last) = behind(ids, end).and_then(|at| behind(at, end)) else { return false };
+    let Some(end) = behind(last, end) else { return false };
+    let mut at = last + 4;
+    while opcode == op::CHANNEL && at < end {
+        match behind(at, end) {
+            Some(next) => at = next,
+            None => return false,
+        }
+    }
+    true
 }
 
 #[cfg(test)]
