@@ -164,7 +164,7 @@ fn the_handed_tag_out_of_focus_is_where_it_is() {
         for decimate in ["1", "2"] {
             let picture = shared.join("cases/tag-blurred").join(name);
             let focal = ["--focal", "600,600,320,240", "--size", "0.08", "--decimate", decimate, "--json"];
-            let tags = tool(&[&["tags", picture.to_str().unwrap()][..], &focal[..]].concat());
+            let tags = &tool(&[&["tags", picture.to_str().unwrap()][..], &focal[..]].concat())["tags"];
             let at = |row: usize| tags[0]["camera_from_tag"][row][3].as_f64().unwrap();
             let off_mm = DVec3::new(at(0), at(1), at(2)).distance(DVec3::new(0.02, -0.01, 0.5)) * 1e3;
             println!(
@@ -184,7 +184,8 @@ fn the_oblique_tag_of_the_room_is_found_in_a_reduced_picture() {
     std::fs::create_dir_all(&folder).unwrap();
     let settings = folder.join("settings.toml");
     std::fs::write(&settings, "[track]\ndecimate = 2\n").unwrap();
-    let (settings, out) = (settings.to_str().unwrap(), folder.to_str().unwrap());
+    let out = folder.join("run");
+    let (settings, out) = (settings.to_str().unwrap(), out.to_str().unwrap());
     let replay = ["replay", "tests/recordings/room.mcap", "--config", settings, "--out", out];
     let report = tool(&[&replay[..], &["--frames", "12", "--no-frames", "--json"][..]].concat());
     println!("{:#}", report["pose"]);
