@@ -215,9 +215,11 @@ fn a_cut_trace_goes_on_and_a_foreign_one_is_refused() {
     let bytes = std::fs::read(&kept).unwrap();
     std::fs::write(&kept, &bytes[..bytes.len() - 9]).unwrap();
     refused(&again, "it was cut");
-    refused(&[&file, "--out", &cut, "--samples", "0"], "samples = 0: must be within");
-    refused(&[&file, "--out", &cut, "--image", "with"], "--image: belongs to reference cases");
-    refused(&["none.toml", "--out", &cut], "none.toml");
+    refused(&[&file, "--out", &cut], "is there already; --force replaces it");
+    let other = out("other");
+    refused(&[&file, "--out", &other, "--samples", "0"], "samples = 0: must be within");
+    refused(&[&file, "--out", &other, "--image", "with"], "--image: belongs to reference cases");
+    refused(&["none.toml", "--out", &other], "none.toml");
 }
 
 #[test]
@@ -228,7 +230,8 @@ fn the_noise_of_a_single_pass_is_not_known() {
     std::fs::write(&file, format!("{SCENE}{light}")).unwrap();
     let (file, out) = (file.display().to_string(), folder.file("out").display().to_string());
     let trace = |more: &[&str]| {
-        let (status, told, errors) = run(&[&[file.as_str(), "--out", &out, "--step-px", "2"], more].concat());
+        let (status, told, errors) =
+            run(&[&[file.as_str(), "--out", &out, "--force", "--step-px", "2"], more].concat());
         assert_eq!(status, 0, "{errors}");
         told
     };
