@@ -86,8 +86,9 @@ fn three_photographs_show_12_22_and_10_tags() {
             let nearest =
                 truth.iter().map(|c| corner_distance(&tag.corners_px, c)).fold(f64::INFINITY, f64::min);
             // The truth is the library's own, as encoded; in linear light edges lie up to 0.3 px further out.
-            // Measured: at most 0.94 px, 0.31 px without the refinement.
-            assert!(nearest < 1.0, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
+            // Measured: at most 1.01 px (0.94 before tags out of focus were fitted whole), 0.31 px without the refinement. The
+            // library is what is off: on drawn blurred tags its corners are 0.77 px out in the median, those of the fit 0.01.
+            assert!(nearest < 1.05, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
         }
         let plain = detect(TagOptions { refine: false, ..TagOptions::thorough() }, &picture);
         for tag in &plain {
