@@ -11,7 +11,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A format: sound inputs, and what reads any bytes. Errors are what is wanted.
 pub struct Format {
@@ -211,8 +211,13 @@ material = { kind = "phong", albedo_rgb = [0.6, 0.5, 0.4], exponent = 8.0 }
 const YAML: &str = "image_width: 640\nimage_height: 480\ncamera_name: c\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [600, 0, 320, 0, 600, 240, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.001, 0.002, 0]\n";
 const CASE: &str = r#"{"id":"c","camera":{"width":64,"height":48,"fx":60,"fy":60,"cx":32,"cy":24,"position":[0,-1,1],"look_at":[0,0,0]},"images":[],"objects":[]}"#;
 
-/// Every format that comes from outside.
-pub fn formats() -> Vec<Format> {
+/// Every format that comes from outside; made once, as files lie in between.
+pub fn formats() -> &'static [Format] {
+    static FORMATS: OnceLock<Vec<Format>> = OnceLock::new();
+    FORMATS.get_or_init(all)
+}
+
+fn all() -> Vec<Format> {
     let even = Response::srgb();
     let response_json = response::to_json(&even);
     let front = include_str!("../../src/halflightd/config/front.json");

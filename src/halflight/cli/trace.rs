@@ -17,7 +17,9 @@ use crate::model::{
     image::{Image, RadianceImage, Rgb8Image},
     quality::Quality,
 };
-use crate::reference::{SHADOW_BELOW, TraceError, TraceNoise, TraceScene, TraceSettings, Traced, Tracer};
+use crate::reference::{
+    self, SHADOW_BELOW, TraceError, TraceNoise, TraceScene, TraceSettings, Traced, Tracer,
+};
 use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -151,6 +153,8 @@ pub fn run(arguments: TraceArguments, global: &GlobalOptions) -> Result<(), CliE
     refuse_existing(out, arguments.force || arguments.resume)?;
     let threads = global.threads()?;
     let input = read_input(&arguments, global, &mut notes)?;
+    // Nothing is left in the folder for a setting that is out of its range.
+    reference::check(&input.scene, &arguments.settings())?;
     if arguments.resume {
         make_folder(out)?;
     } else {

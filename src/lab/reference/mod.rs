@@ -214,7 +214,11 @@ impl Tracer {
     }
 }
 
-fn check(scene: &TraceScene, settings: &TraceSettings) -> Result<(), TraceError> {
+/// Looks at what is to be traced and how, before anything is.
+///
+/// # Errors
+/// As [`Tracer::new`].
+pub fn check(scene: &TraceScene, settings: &TraceSettings) -> Result<(), TraceError> {
     let TraceSettings { samples, samples_a_pass, bounces, step_px, shadow_noise, .. } = *settings;
     let within = |low: u32, high: u32| format!("within {low}..={high}");
     setting("samples", samples, (1..=MOST_SAMPLES).contains(&samples), within(1, MOST_SAMPLES))?;
