@@ -117,7 +117,13 @@ fn mistakes_are_named() {
         ("image_width: 640", "n: 3", "image_width, image_height = only one of them: must be both"),
         ("camera_matrix:", "matrix:", "camera matrix = none: must be a mapping with camera_matrix"),
         ("5.35e+02, 0.,", "5.35e+02, &b 0.,", "YAML, line 9 = an anchor or alias: must be written out"),
-        ("[ 5.35", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ 5.35", "nesting: must be at most 32 levels deep"),
+        // The list goes on in lines that are indented for one bracket: the library finds that first.
+        ("[ 5.35", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[ 5.35", "YAML"),
+        (
+            "image_width: 640",
+            "image_width: [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[640]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]",
+            "nesting: must be at most 32 levels deep",
+        ),
         (
             "---",
             "- - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - - -",

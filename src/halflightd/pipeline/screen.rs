@@ -115,6 +115,8 @@ impl Screen {
 
     /// Copies the newest picture, where it was not taken yet.
     fn take(&self, out: &mut Rgb8Image) -> bool {
+        // Before the look: one that comes after it raises the flag anew.
+        self.0.has_picture.take();
         let mut slot = self.0.slot();
         if std::mem::take(&mut slot.is_new) {
             copy(&slot.newest, out);
@@ -150,7 +152,6 @@ impl Served {
             }
             if !self.screen.take(&mut self.at_hand) {
                 clock.wait_or(deadline, &self.screen.0.has_picture);
-                self.screen.0.has_picture.take();
                 if !self.screen.take(&mut self.at_hand) {
                     return Err(DeviceError::again());
                 }
