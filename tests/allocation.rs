@@ -23,7 +23,7 @@ use halflight::nearfield::{
     sun_shadows::SunShadows,
     sun_sources::SunMarks,
 };
-use halflight::sources::expand::Priority;
+use halflight::sources::expand::{Priority, Wanted};
 use halflight::visibility::proxies::Proxies;
 
 const WARM_UP: usize = 24;
@@ -129,7 +129,14 @@ fn choosing_near_light() {
         let objects = [Aabb { low: centre - 0.15, high: centre + 0.15 }];
         marks.mark(&field, &objects, None);
         of_suns.mark(&field, &suns, &marks, &objects, None);
-        lights.choose(&field, &marks, &objects, of_suns.marked(&suns), 10, Priority::ErrorRemoved);
+        lights.choose(
+            &field,
+            &marks,
+            &objects,
+            of_suns.marked(&suns),
+            Wanted::exactly(10),
+            Priority::ErrorRemoved,
+        );
         of_suns.share(&suns, lights.far());
         lights.light_rows(&field, &marks, &mut rows);
         assert!(!lights.far().is_empty() && of_suns.maps().iter().all(Option::is_some));
@@ -169,7 +176,7 @@ fn frames_of_near_light(threads: usize, start: usize) {
     let proxies = Proxies::build(&body(0), &FACES, std::iter::once(0..FACES.len()), 500);
     let lens = Lens::pinhole(160, 120, 90.0, 90.0, 80.0, 60.0);
     let pose = Pose::look_at(DVec3::new(0.2, 0.2, 1.7), DVec3::new(1.0, 1.0, 0.3), DVec3::Z);
-    let quality = NearQuality { lights: 10, texels: 128, places: 4 };
+    let quality = NearQuality { lights: 10, left_rad: f32::INFINITY, texels: 128, places: 4 };
     let mut near = NearFrame::default();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let mut lit = 0;

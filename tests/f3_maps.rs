@@ -5,10 +5,15 @@
 mod room_scene;
 mod support;
 
+use glam::Vec3;
 use halflight::{
     animate::posed::Posed,
-    assets::{case, pictures},
+    assets::{
+        case::{self, Case},
+        pictures,
+    },
     engine::{Engine, RelightInput, cpu::CpuEngine},
+    math::dice::Dice,
     model::{
         frame::Exposure,
         image::HdrImage,
@@ -16,11 +21,12 @@ use halflight::{
         picture::Picture,
         quality::Quality,
         response::Response,
+        scene::Scene,
         time::Timestamp,
     },
     nearfield::{
         field::Preparation,
-        prepare::{RoomLight, RoomSettings, prepare},
+        prepare::{KnownRoom, RoomLight, RoomSettings, prepare},
     },
     plan::{FramePlan, Pass, effects},
 };
@@ -33,54 +39,89 @@ const COUNTS: [usize; 6] = [1, 5, 10, 20, 50, 256];
 /// Object, places of each light a side; off from rays of our own, and off from the reference's picture.
 type Row = (&'static str, u32, Vec<Off>, Vec<Off>);
 
+/// A room of the reference, and an engine to draw it.
+struct Drawn {
+    case: Case,
+    known: Arc<KnownRoom>,
+    background: HdrImage,
+    engine: CpuEngine,
+}
+
+impl Drawn {
+    fn new(shared: &Path, id: &str) -> Self {
+        let case = case::load(&shared.join("reference").join(id)).unwrap();
+        let preparation = Preparation { power_share: 1.0, ..Preparation::default() };
+        let how = RoomSettings { preparation, ..RoomSettings::default() };
+        let known = Arc::new(prepare(case.room(), &how, RoomLight::Given, None, &|_| ()).unwrap());
+        let radiance = pictures::load_raw(&case.image("noobj").unwrap().file).unwrap();
+        let mut background = HdrImage::default();
+        background.flags.reshape(radiance.width(), radiance.height(), 0);
+        background.radiance = radiance;
+        let mut engine = CpuEngine::new(None).unwrap();
+        engine.load_room(Some(Arc::clone(&known))).unwrap();
+        Self { case, known, background, engine }
+    }
+
+    /// The case's scene with one of its objects, in its place or shifted.
+    fn scene(&self, object: &str, shift: Vec3) -> Scene {
+        let mut scene = self.case.scene(Some(&format!("obj_{object}"))).unwrap();
+        scene.surfaces.clear();
+        scene.room = Some(Arc::new(self.known.room.clone()));
+        // In the object's own space: a figure's nodes say where its parts stand.
+        let own = scene.objects[0].world_from_object.matrix3.inverse() * glam::Vec3A::from(shift);
+        scene.objects[0].mesh.positions.iter_mut().for_each(|p| *p += Vec3::from(own));
+        scene
+    }
+
+    /// What the objects of a scene take away at every pixel, and how many near lights it was drawn with.
+    fn removed(&mut self, scene: &Scene, quality: &Quality) -> (Vec<[f32; 3]>, usize) {
+        self.engine.load_scene(scene).unwrap();
+        let posed = Posed::new(scene);
+        let light = Lights::soft(RadianceSh::zero(4));
+        let mut plan = FramePlan::default();
+        effects::plan(&effects::Occasion::SHOW, scene, &light, quality, &mut plan);
+        assert!(plan.has(Pass::PointMaps) && plan.has(Pass::Subtract));
+        let input = RelightInput {
+            background: &self.background,
+            lens: &self.case.lens,
+            world_from_camera: &self.case.world_from_camera,
+            light: &light,
+            environment: None,
+            posed: Some(&posed),
+            response: &Response::srgb(),
+            shown_exposure: Exposure { time_s: 1.0, gain: 1.0 },
+            t: Timestamp(0),
+        };
+        let mut picture = Picture::default();
+        self.engine.relight(&plan, &input, &mut picture).unwrap();
+        let removed = (self.background.radiance.pixels().iter())
+            .zip(picture.radiance.pixels())
+            .map(|(before, after)| std::array::from_fn(|c| before[c] - after[c]))
+            .collect();
+        (removed, self.engine.near_choice().unwrap().lights)
+    }
+}
+
 fn table(shared: &Path, id: &str) -> Vec<Row> {
-    let case = case::load(&shared.join("reference").join(id)).unwrap();
-    let preparation = Preparation { power_share: 1.0, ..Preparation::default() };
-    let how = RoomSettings { preparation, ..RoomSettings::default() };
-    let known = Arc::new(prepare(case.room(), &how, RoomLight::Given, None, &|_| ()).unwrap());
-    let radiance = pictures::load_raw(&case.image("noobj").unwrap().file).unwrap();
-    let mut background = HdrImage::default();
-    background.flags.reshape(radiance.width(), radiance.height(), 0);
-    background.radiance = radiance;
-    let view = RoomView::new(&case, &known.field.patches, &case.room(), 2);
-    let mut engine = CpuEngine::new(None).unwrap();
-    engine.load_room(Some(Arc::clone(&known))).unwrap();
+    let mut drawn = Drawn::new(shared, id);
+    let view = RoomView::new(&drawn.case, &drawn.known.field.patches, &drawn.case.room(), 2);
     let mut rows = Vec::new();
     for object in ["table", "raised", "under"] {
-        let mut scene = case.scene(Some(&format!("obj_{object}"))).unwrap();
-        scene.surfaces.clear();
-        scene.room = Some(Arc::new(known.room.clone()));
-        engine.load_scene(&scene).unwrap();
-        let of_object = Object::of(&case, &format!("obj_{object}"));
-        let truth = Traced::new(&case, object, &case.room(), &view, &of_object, 24);
-        let posed = Posed::new(&scene);
-        let light = Lights::soft(RadianceSh::zero(4));
+        let scene = drawn.scene(object, Vec3::ZERO);
+        let of_object = Object::of(&drawn.case, &format!("obj_{object}"));
+        let truth = Traced::new(&drawn.case, object, &drawn.case.room(), &view, &of_object, 24);
         for places in [1, 4] {
             let (offs, of_reference): (Vec<Off>, Vec<Off>) = COUNTS
                 .iter()
                 .map(|&n| {
-                    let quality = Quality { shadow_maps: n, pcf_taps: places, ..Quality::default() };
-                    let mut plan = FramePlan::default();
-                    effects::plan(&effects::Occasion::SHOW, &scene, &light, &quality, &mut plan);
-                    assert!(plan.has(Pass::PointMaps) && plan.has(Pass::Subtract));
-                    let input = RelightInput {
-                        background: &background,
-                        lens: &case.lens,
-                        world_from_camera: &case.world_from_camera,
-                        light: &light,
-                        environment: None,
-                        posed: Some(&posed),
-                        response: &Response::srgb(),
-                        shown_exposure: Exposure { time_s: 1.0, gain: 1.0 },
-                        t: Timestamp(0),
+                    let quality = Quality {
+                        shadow_maps: n,
+                        near_width_deg: 90.0,
+                        pcf_taps: places,
+                        ..Quality::default()
                     };
-                    let mut picture = Picture::default();
-                    engine.relight(&plan, &input, &mut picture).unwrap();
-                    let shown: Vec<[f32; 3]> = (background.radiance.pixels().iter())
-                        .zip(picture.radiance.pixels())
-                        .map(|(before, after)| std::array::from_fn(|c| before[c] - after[c]))
-                        .collect();
-                    (truth.compare(&shown), compare(&case, object, &shown))
+                    let (shown, _) = drawn.removed(&scene, &quality);
+                    (truth.compare(&shown), compare(&drawn.case, object, &shown))
                 })
                 .unzip();
             let line = |offs: &[Off]| -> String {
@@ -92,6 +133,51 @@ fn table(shared: &Path, id: &str) -> Vec<Row> {
         }
     }
     rows
+}
+
+/// Point 11's figure: at the defaults the shadow of near light is right to an eighth, wherever the object stands. The cases'
+/// own places, and places by rule with seeds; a shadow of fewer than 100 pixels is no measure.
+#[test]
+fn shadows_of_near_light_at_the_defaults() {
+    let Some(shared) = support::shared("shadows_of_near_light_at_the_defaults") else { return };
+    let quality = Quality::default();
+    let (mut worst, mut light, mut most, mut measured) = (0.0f64, 0.0f64, 0, 0);
+    for id in ["f3_ceiling_light", "f3_window_ceiling_patch"] {
+        let mut drawn = Drawn::new(&shared, id);
+        let view = RoomView::new(&drawn.case, &drawn.known.field.patches, &drawn.case.room(), 2);
+        let mut dice = Dice::new(20_261_130);
+        for place in 0..15 {
+            let object = ["table", "raised", "under"][place % 3];
+            let shift = match place {
+                0..3 => Vec3::ZERO,
+                _ => Vec3::from_array([0.25, 0.2, 0.15].map(|most| dice.between(-most, most) as f32)),
+            };
+            // Not into the table or the floor.
+            let shift = if object == "raised" { shift } else { shift.with_z(0.0) };
+            let scene = drawn.scene(object, shift);
+            let moved = halflight::assets::shapes::transformed(
+                &scene.objects[0].mesh,
+                &scene.objects[0].world_from_object,
+            );
+            let of_object = Object::new(&moved, Vec3::ZERO);
+            let truth = Traced::of_another(&drawn.case, &drawn.case.room(), &view, &of_object, 24);
+            let (shown, lights) = drawn.removed(&scene, &quality);
+            let off = truth.compare(&shown);
+            println!("{id} {object:7} {shift:.2}  {lights:3} lights  {off:?}");
+            // Every other pixel of every other row was traced.
+            if off.pixels < 25 || off.rmse.is_nan() {
+                continue;
+            }
+            measured += 1;
+            most = most.max(lights);
+            worst = worst.max(off.rmse);
+            light = light.max((off.energy - 1.0).abs());
+        }
+    }
+    println!("{measured} shadows, {most} lights at most");
+    assert!(measured > 15 && most <= 4 * quality.shadow_maps);
+    wanted::hold("f3.defaults.shadow", worst);
+    wanted::hold("f3.defaults.light", light);
 }
 
 /// The rows of `wanted.tsv` are measured from 4 x 4 places on each light, against rays of our own, which have no noise; the

@@ -17,7 +17,7 @@ use halflight::{
         two_sets::{self, Division, Experiment, Off, Strengths},
     },
     sources::{
-        expand::{Expander, Marked, Priority},
+        expand::{Expander, Marked, Priority, Wanted},
         tree::SourceTree,
     },
 };
@@ -151,7 +151,7 @@ fn representatives(entry: &Entry) {
     let towards: Vec<Vec3> = places.iter().map(|p| (*p + Vec3::Z * 3.0).normalize()).collect();
     let mut expander = Expander::default();
     let trees = [Marked { tree: &tree, light: &light, towards: &towards, lasting: true }];
-    let chosen = expander.expand(&trees, entry.count("n"), Priority::Transfer);
+    let chosen = expander.expand(&trees, Wanted::exactly(entry.count("n")), Priority::Transfer);
     let got: BTreeSet<String> = chosen.iter().map(|c| name(c.node)).collect();
     let want = names(&entry.expected["fixed_key_marked_only_collapsed"]);
     assert_eq!(got, want.into_iter().collect(), "{}", entry.id);

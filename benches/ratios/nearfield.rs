@@ -13,7 +13,7 @@ use halflight::{
         sun_shadows::SunShadows,
         sun_sources::SunMarks,
     },
-    sources::expand::Priority,
+    sources::expand::{Priority, Wanted},
 };
 use std::time::Instant;
 
@@ -85,7 +85,14 @@ fn frames(field: &NearField, suns: &SunShadows, count: usize) -> [f64; 3] {
         marks.mark(field, &objects, None);
         of_suns.mark(field, suns, &marks, &objects, None);
         let marked = Instant::now();
-        lights.choose(field, &marks, &objects, of_suns.marked(suns), count, Priority::ErrorRemoved);
+        lights.choose(
+            field,
+            &marks,
+            &objects,
+            of_suns.marked(suns),
+            Wanted::exactly(count),
+            Priority::ErrorRemoved,
+        );
         of_suns.share(suns, lights.far());
         let chosen = Instant::now();
         lights.light_rows(field, &marks, &mut rows);

@@ -10,7 +10,7 @@ mod twins;
 
 pub(crate) use twins::Twins;
 
-use super::{Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput};
+use super::{Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput};
 use crate::frame::{FrameJob, FrameState, TwinPasses, check_frame, check_light};
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -135,6 +135,10 @@ impl Engine for CpuEngine {
 
     fn live(&self, out: &mut Vec<LiveMemory>) {
         self.state.live(out);
+    }
+
+    fn near_choice(&self) -> Option<NearChoice> {
+        self.state.near_choice()
     }
 
     fn dispatched(&self) -> &[Pass] {

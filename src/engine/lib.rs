@@ -114,6 +114,17 @@ pub struct LiveMemory {
     pub bytes: u64,
 }
 
+/// How many lights a frame's near light was cut into, and how wide they were.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearChoice {
+    /// Near lights, each with its own shadow map.
+    pub lights: usize,
+    /// Suns of the room with a map of the objects.
+    pub suns: usize,
+    /// How wide the lights are, on average, seen from the objects, radians.
+    pub width_rad: f32,
+}
+
 /// The CPU twins in order, or the GPU.
 pub trait Engine: Send {
     /// One line for people: engine, backend, adapter.
@@ -168,6 +179,10 @@ pub trait Engine: Send {
     /// Says whether `Picture::radiance` is wanted of the frames to come. At first it is not, and an engine on a device leaves it
     /// empty where it composes there; an engine on the processor fills it in any case.
     fn ask_for_linear(&mut self, _wanted: bool) {}
+    /// The near lights that the last frame of a known room was drawn with; `None` outside of one.
+    fn near_choice(&self) -> Option<NearChoice> {
+        None
+    }
     /// The passes that the last frame dispatched, in order.
     fn dispatched(&self) -> &[Pass];
     /// What lives for the last frame, by name: on the device its buffers and textures, on the CPU the pictures and maps that

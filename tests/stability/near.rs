@@ -27,7 +27,7 @@ use halflight::{
     plan::{FramePlan, Pass, effects},
     sources::{
         cut::{Cutter, Leaf},
-        expand::{Expander, Marked, Priority},
+        expand::{Expander, Marked, Priority, Wanted},
         tree::SourceTree,
     },
     visibility::point_maps::PointCamera,
@@ -223,8 +223,11 @@ fn cuts_keep_the_light() {
             let mut expander = Expander::default();
             for by in [Priority::ErrorRemoved, Priority::Transfer] {
                 for count in [1, 3, 40] {
-                    let sum: f64 =
-                        expander.expand(&[marked], count, by).iter().map(|c| f64::from(c.light)).sum();
+                    let sum: f64 = expander
+                        .expand(&[marked], Wanted::exactly(count), by)
+                        .iter()
+                        .map(|c| f64::from(c.light))
+                        .sum();
                     assert!((sum - all).abs() <= 1e-5 * all, "{name}, {count}: {sum} of {all}");
                 }
             }

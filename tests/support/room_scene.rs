@@ -20,7 +20,7 @@ use halflight::{
         subtract::seen_part,
         transfer::Statics,
     },
-    sources::expand::Priority,
+    sources::expand::{Priority, Wanted},
     visibility::point_maps::SeenPart,
 };
 use rayon::prelude::*;
@@ -173,7 +173,7 @@ impl Shadows {
     pub fn frame(&mut self, case: &Case, field: &NearField, object: &Object, count: usize, by: Priority) {
         self.view.look(field, &case.lens, &case.world_from_camera);
         self.marks.mark(field, &[object.bounds], Some(&self.view));
-        self.lights.choose(field, &self.marks, &[object.bounds], None, count, by);
+        self.lights.choose(field, &self.marks, &[object.bounds], None, Wanted::exactly(count), by);
         self.lights.light_rows(field, &self.marks, &mut self.rows);
         self.lights.light_parts(field, &self.marks, &mut self.parts);
     }
@@ -225,6 +225,34 @@ impl Traced {
     /// At every other pixel of every other row that shows the room, and neither an emitter nor the object; `side` times
     /// `side` places on each emitter, shifted from place to place.
     pub fn new(case: &Case, which: &str, room: &Room, view: &RoomView, object: &Object, side: u32) -> Self {
+        Self::of_pixels(case, &free_pixels(case, which), room, view, object, side)
+    }
+
+    /// As [`Traced::new`] for an object that is in no picture of the case.
+    pub fn of_another(case: &Case, room: &Room, view: &RoomView, object: &Object, side: u32) -> Self {
+        let eye = case.world_from_camera.translation.as_vec3();
+        let sees_room = |at: &Option<Seen>| {
+            at.as_ref()
+                .is_some_and(|at| !at.emits && !object.bvh.occluded(eye, at.point - eye, 0.0, 1.0 - 1e-4))
+        };
+        let whole: Vec<bool> =
+            view.seen.chunks(view.per_pixel).map(|seen| seen.iter().all(sees_room)).collect();
+        // An edge between a pixel's places is seen at its neighbours'.
+        let width = case.lens.width as usize;
+        let around = |i: usize| [i.wrapping_sub(width), i.wrapping_sub(1), i, i + 1, i + width];
+        let is_free = |i| around(i).iter().all(|&k| whole.get(k).copied().unwrap_or(true));
+        let free: Vec<bool> = (0..whole.len()).map(is_free).collect();
+        Self::of_pixels(case, &free, room, view, object, side)
+    }
+
+    fn of_pixels(
+        case: &Case,
+        free: &[bool],
+        room: &Room,
+        view: &RoomView,
+        object: &Object,
+        side: u32,
+    ) -> Self {
         let statics = Statics::new(room);
         let emitters: Vec<([Vec3; 3], Aabb, [f32; 3])> = room
             .surfaces
@@ -236,7 +264,6 @@ impl Traced {
             })
             .collect();
         let width = case.lens.width as usize;
-        let free = free_pixels(case, which);
         let wanted = |i: &usize| free[*i] && (i % width).is_multiple_of(2) && (i / width).is_multiple_of(2);
         let taken = |at: &Seen, seed: u32| -> [f32; 3] {
             let mut sum = [0.0f32; 3];

@@ -171,6 +171,9 @@ pub struct Quality {
     /// n: hard lights, each with a shadow map, that compact lights are cut into, 1 to 64; in a known room its suns and near
     /// lights together, 1 to 256.
     pub shadow_maps: usize,
+    /// In a known room more near lights are drawn than `shadow_maps`, up to four times as many, while they are wider than
+    /// this on average, seen from the objects, degrees: 0 to 90, where 90 means never more.
+    pub near_width_deg: f32,
     /// Spheres that stand for every body that blocks soft light, 4 to 64; 0: as many as the scene asks for.
     pub spheres: usize,
     /// SH order of the light, 2 to 6.
@@ -194,6 +197,13 @@ pub struct Quality {
     pub light_every: u32,
 }
 
+impl Quality {
+    /// [`Quality::near_width_deg`] in radians; infinite where more lights than `shadow_maps` are never drawn.
+    pub fn near_width_rad(&self) -> f32 {
+        if self.near_width_deg < 90.0 { self.near_width_deg.to_radians() } else { f32::INFINITY }
+    }
+}
+
 impl Default for Quality {
     fn default() -> Self {
         Self {
@@ -206,6 +216,7 @@ impl Default for Quality {
             dering: false,
             lights: MAX_LIGHTS,
             shadow_maps: 8,
+            near_width_deg: 8.0,
             spheres: 0,
             sh_order: 4,
             self_shadow: SelfShadow::Transfer,

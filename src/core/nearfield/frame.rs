@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
-    sources::expand::Priority,
+    sources::expand::{Priority, Wanted},
     visibility::{
         point_maps::{PlaceReads, PointLight, PointMaps, SeenPart},
         proxies::Proxies,
@@ -23,14 +23,18 @@ use rayon::prelude::*;
 
 /// Lights of a frame at most: 256 cameras fill the uniform block of 16 KiB that every device has.
 pub const MOST_LIGHTS: usize = 256;
+/// How many times the lights that were asked for a frame may have at most.
+const MORE_LIGHTS: usize = 4;
 /// Triangles that one task sorts.
 const CHUNK: usize = 64;
 
 /// How the lights of a frame are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearQuality {
-    /// Lights at most, suns among them: 1 to [`MOST_LIGHTS`].
+    /// Lights, suns among them: 1 to [`MOST_LIGHTS`]. Fewer only where there are no more.
     pub lights: usize,
+    /// More come, up to [`MORE_LIGHTS`] times as many, while the choice leaves more than this, radians; infinite: never.
+    pub left_rad: f32,
     /// Texels a side of each light's square of maps.
     pub texels: u32,
     /// Places of each light that its shadow is drawn from, a side: 1 draws hard shadows from the source in the middle of
@@ -83,7 +87,7 @@ impl NearFrame {
     }
 
     /// As [`NearFrame::update`] in a room with suns: [`NearFrame::lights`] and the suns that have a map
-    /// ([`NearFrame::sun_maps`]) are `quality.lights` together at most, shared by what each map gains
+    /// ([`NearFrame::sun_maps`]) are `quality.lights` together (more where the error asks for it), shared by what each map gains
     /// ([`Representatives::choose`]). With a single light for both, it goes to those that send more.
     pub fn update_under(
         &mut self,
@@ -101,10 +105,13 @@ impl NearFrame {
         self.view.look(field, lens, world_from_camera);
         self.marks.mark(field, &self.boxes, Some(&self.view));
         let count = quality.lights.clamp(1, MOST_LIGHTS);
-        self.provide(count, field.patches.vertices.len());
+        let more = if quality.left_rad.is_finite() { MORE_LIGHTS } else { 1 };
+        let most = (count * more).min(MOST_LIGHTS);
+        let wanted = Wanted { least: count, most, left_rad: quality.left_rad };
+        self.provide(most, field.patches.vertices.len());
         let by = Priority::ErrorRemoved;
         self.suns.mark(field, suns, &self.marks, &self.boxes, Some(&self.view));
-        self.chosen.choose(field, &self.marks, &self.boxes, self.suns.marked(suns), count, by);
+        self.chosen.choose(field, &self.marks, &self.boxes, self.suns.marked(suns), wanted, by);
         self.suns.share(suns, self.chosen.far());
         self.chosen.light_rows(field, &self.marks, &mut self.rows);
         self.vertices = field.patches.vertices.len();
@@ -123,7 +130,7 @@ impl NearFrame {
             front: light.normal_world,
         });
         self.maps.fit(lights, quality.places, &self.casters, quality.texels);
-        self.maps.provide(count);
+        self.maps.provide(most);
         self.reads.clear();
         let cameras = self.maps.cameras();
         self.reads
@@ -194,6 +201,11 @@ impl NearFrame {
     /// Whether a sun has a map of the objects of its own.
     pub fn has_sun_map(&self, sun: usize) -> bool {
         self.suns.maps().iter().flatten().any(|&map| map as usize == sun)
+    }
+
+    /// What the choice of lights leaves undone, radians ([`Representatives::left_rad`]).
+    pub fn left_rad(&self) -> f32 {
+        self.chosen.left_rad()
     }
 
     /// What each light sends to each vertex (`Representatives::light_rows`).

@@ -3,7 +3,7 @@
 use super::{field::NearField, marks::Marks, packed::BlockSums, shaft::Aabb};
 use crate::{
     math::solve::symmetric_eigen,
-    sources::expand::{Chosen, Expander, Marked, Priority},
+    sources::expand::{Chosen, Expander, Marked, Priority, Wanted},
     visibility::point_maps::SeenPart,
 };
 use glam::{DVec3, Vec3};
@@ -53,7 +53,7 @@ pub struct Representatives {
 }
 
 impl Representatives {
-    /// Cuts the marked sources into at most `count` lights, together with a tree of far light (such as the compact
+    /// Cuts the marked sources into as many lights as `wanted`, together with a tree of far light (such as the compact
     /// lights' texels, or a room's suns, `sun_sources`) where one is given: both share the count by what it gains, and their
     /// light must be in one unit, irradiance in luminance. A single light for both goes to the tree that sends more
     /// ([`Expander::expand`]); objects hide nothing of the other then. `objects` are the boxes given to [`Marks::mark`].
@@ -65,7 +65,7 @@ impl Representatives {
         marks: &Marks,
         objects: &[Aabb],
         far: Option<Marked<'_>>,
-        count: usize,
+        wanted: Wanted,
         by: Priority,
     ) {
         let around = objects.iter().filter(|b| b.is_sound()).fold(Aabb::EMPTY, |sum, b| sum.join(b));
@@ -94,7 +94,7 @@ impl Representatives {
         let trees = if far.is_some() { &both[..] } else { &both[..1] };
         self.near.clear();
         self.far.clear();
-        self.expander.expand(trees, count, by);
+        self.expander.expand(trees, wanted, by);
         for chosen in self.expander.chosen() {
             if chosen.tree == 1 {
                 self.far.push(*chosen);
@@ -119,6 +119,11 @@ impl Representatives {
     /// Lights of the room, in order of the tree.
     pub fn near(&self) -> &[Representative] {
         &self.near
+    }
+
+    /// What the choice leaves undone ([`Expander::left_rad`]).
+    pub fn left_rad(&self) -> f32 {
+        self.expander.left_rad()
     }
 
     /// Nodes chosen of the far tree.

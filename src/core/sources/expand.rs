@@ -4,6 +4,7 @@
 
 use super::tree::{SourceTree, TreeNode};
 use glam::Vec3;
+use std::cmp::Ordering;
 
 /// By what the next node to split is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,9 +17,29 @@ pub enum Priority {
     Transfer,
 }
 
+/// How many nodes are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// So many at least, where there are as many.
+    pub least: usize,
+    /// Never more.
+    pub most: usize,
+    /// Between the two: until [`Expander::left_rad`] is at most this, radians.
+    pub left_rad: f32,
+}
+
+impl Wanted {
+    /// As many as `count`, whatever is left.
+    pub const fn exactly(count: usize) -> Self {
+        Self { least: count, most: count, left_rad: f32::INFINITY }
+    }
+}
+
 /// How much longer a node stays split than it would be split anew, so that two of nearly equal priority do not take
 /// turns from frame to frame.
 const HELD: f64 = 2.0;
+/// A number of nodes stays enough until so much more is left, so that it does not change back and forth.
+const ENOUGH_HELD: f64 = 1.2;
 /// Where there are too few for all trees, a tree that was represented stays so until another sends this many times its light.
 const TREE_HELD: f64 = 1.25;
 /// A node's centre moves when another leaf would be this much better.
@@ -107,20 +128,29 @@ pub struct Expander {
     trees: Vec<TreeState>,
     open: Vec<OpenNode>,
     chosen: Vec<Chosen>,
+    left_rad: f64,
 }
 
 impl Expander {
+    /// What the last choice leaves: how wide the nodes are, root mean square from their middle, as their mean by light.
+    /// Radians, seen from what hides them. Penumbras are off by so much at most.
+    pub fn left_rad(&self) -> f32 {
+        self.left_rad as f32
+    }
+
     /// What the last call gave.
     pub fn chosen(&self) -> &[Chosen] {
         &self.chosen
     }
 
-    /// Chooses at most `count` nodes; every marked leaf lies below exactly one of them, unless there are more trees with
-    /// marked leaves than `count`: then the trees of most light are kept
+    /// Chooses at most `wanted.most` nodes; every marked leaf lies below exactly one of them, unless there are more trees with
+    /// marked leaves than that: then the trees of most light are kept
     /// (those of the frame before until another sends 1.25 times their light), and the others hide nothing. Fewer come where
     /// nothing is left to split.
     /// Order: by tree, then by node. Leaves without positive, finite light or a finite direction are not marked.
-    pub fn expand(&mut self, trees: &[Marked<'_>], count: usize, by: Priority) -> &[Chosen] {
+    pub fn expand(&mut self, trees: &[Marked<'_>], wanted: Wanted, by: Priority) -> &[Chosen] {
+        let count = wanted.most.max(wanted.least);
+        let before = self.chosen.len();
         self.frame = self.frame.wrapping_add(1).max(2);
         self.trees.resize_with(trees.len().max(self.trees.len()), TreeState::default);
         self.open.clear();
@@ -154,6 +184,9 @@ impl Expander {
             self.open[i].priority = self.priority(trees, self.open[i], by);
         }
         while self.open.len() < count {
+            if self.open.len() >= wanted.least && self.is_enough(f64::from(wanted.left_rad), before) {
+                break;
+            }
             let best = self.open.iter().enumerate().max_by(|(i, a), (j, b)| {
                 // Of equals the earlier one.
                 a.priority.total_cmp(&b.priority).then(j.cmp(i))
@@ -175,6 +208,7 @@ impl Expander {
                 }
             }
         }
+        self.left_rad = self.left();
         self.open.sort_unstable_by_key(|o| (o.tree, o.node));
         self.chosen.clear();
         for i in 0..self.open.len() {
@@ -186,6 +220,26 @@ impl Expander {
             self.chosen.push(Chosen { tree, node, light, extent_rad, centre });
         }
         &self.chosen
+    }
+
+    /// Whether the open nodes are enough: with the number of the frame before a little more may be left, with fewer less.
+    fn is_enough(&self, left_rad: f64, before: usize) -> bool {
+        let held = match self.open.len().cmp(&before) {
+            Ordering::Less => 1.0 / ENOUGH_HELD,
+            Ordering::Equal => ENOUGH_HELD,
+            Ordering::Greater => 1.0,
+        };
+        self.left() <= left_rad * held
+    }
+
+    fn left(&self) -> f64 {
+        let (mut light, mut width) = (0.0, 0.0);
+        for open in &self.open {
+            let sums = &self.trees[open.tree as usize].sums[open.node as usize];
+            light += sums.light;
+            width += sums.light * sums.extent();
+        }
+        if light > 0.0 { width / light } else { 0.0 }
     }
 
     fn priority(&self, trees: &[Marked<'_>], open: OpenNode, by: Priority) -> f64 {

@@ -32,7 +32,7 @@ use crate::visibility::{
     blockers::Blockers,
     shadow_maps::{Receivers, ShadowMaps},
 };
-use crate::{EngineError, RelightInput};
+use crate::{EngineError, NearChoice, RelightInput};
 use glam::Vec3;
 
 /// One frame's inputs, and what follows from them alone.
@@ -178,6 +178,11 @@ impl FrameState {
         self.blockers.prepare(spheres, quality.rung, job.light.order, quality.directions);
         self.blockers.add_boxes(job.input.posed.map_or(&[][..], Posed::boxes));
         self.planes.prepare(&self.blockers, &self.transfer);
+    }
+
+    /// The near lights that the last frame of the room was drawn with; `None` where the scene stands in none.
+    pub fn near_choice(&self) -> Option<NearChoice> {
+        self.stands_in_room.then(|| self.room.near_choice())
     }
 
     /// Lays the grid of soft shadows at vertices for the spheres of a frame.

@@ -2,7 +2,7 @@
 
 use super::FrameState;
 use crate::{
-    RelightInput,
+    NearChoice, RelightInput,
     compose::geometry::{ObjectGeometry, SurfaceGeometry},
     model::quality::Quality,
     nearfield::{
@@ -79,11 +79,27 @@ impl RoomState {
         let Some(known) = &self.known else { return };
         let near = NearQuality {
             lights: quality.shadow_maps,
+            left_rad: quality.near_width_rad(),
             texels: (quality.shadow_map_texels / NEAR_TEXELS_DIVISOR).max(64),
             places: quality.pcf_taps,
         };
         let camera = (input.lens, input.world_from_camera);
         self.frame.update_under(&self.suns, &known.field, &self.proxies, &objects.positions, camera, &near);
+    }
+
+    /// What the lights of the last frame were.
+    pub fn near_choice(&self) -> NearChoice {
+        NearChoice {
+            lights: self.frame.lights().len(),
+            suns: self
+                .frame
+                .sun_maps()
+                .iter()
+                .enumerate()
+                .filter(|(k, map)| **map == Some(*k as u32))
+                .count(),
+            width_rad: self.frame.left_rad(),
+        }
     }
 
     /// Draws the maps here.

@@ -8,7 +8,7 @@ use super::{
     relight::{Relighter, ready},
 };
 use crate::{
-    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput, Timings,
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput, Timings,
     frame::{check_frame, check_light},
     hdr::merge_bracket,
     light::{
@@ -249,6 +249,10 @@ impl Engine for GpuEngine {
 
     fn live(&self, out: &mut Vec<LiveMemory>) {
         self.gpu.context.live.list(out);
+    }
+
+    fn near_choice(&self) -> Option<NearChoice> {
+        self.relighter.near_choice()
     }
 
     fn dispatched(&self) -> &[Pass] {

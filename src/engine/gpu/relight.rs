@@ -10,7 +10,7 @@ use super::{
     recorder::{Gpu, GpuRecorder, SentWork},
 };
 use crate::{
-    EngineError, RelightInput, door,
+    EngineError, NearChoice, RelightInput, door,
     frame::{FrameJob, FrameState, TwinPasses, check_frame},
     model::{image::Image, picture::Picture, quality::Quality, scene::Scene},
     nearfield::prepare::KnownRoom,
@@ -160,6 +160,11 @@ impl Relighter {
         time: &mut dyn FnMut(Pass, &mut (dyn FnMut() + Send)),
     ) {
         self.state.foresee(&FrameJob::looked_at(quality, input), out, time);
+    }
+
+    /// The near lights of the last frame.
+    pub fn near_choice(&self) -> Option<NearChoice> {
+        self.state.near_choice()
     }
 
     /// The passes of the last frame.

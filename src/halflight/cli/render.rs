@@ -80,6 +80,14 @@ pub fn run(arguments: RenderArguments, global: &GlobalOptions) -> Result<(), Cli
     let (mut still, case) = still_of(&arguments, engine.as_mut(), &quality, &mut notes)?;
     still.view = view;
     let drawn = still.draw(engine.as_mut(), &quality, arguments.exposure_s, arguments.repeat)?;
+    if let Some(near) = engine.near_choice() {
+        notes.push(format!(
+            "the room's light is drawn as {} near lights, {:.1} degrees wide on average, and {} suns",
+            near.lights,
+            near.width_rad.to_degrees(),
+            near.suns
+        ));
+    }
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match format {
             OutputFormat::Exr => crate::lab::open_exr::save_exr_f32(out, &drawn.radiance),

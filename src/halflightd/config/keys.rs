@@ -415,6 +415,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.quality.shadow_maps = integer(v) as usize
     ),
     key!(
+        "quality.near_width_deg",
+        "deg",
+        Range::Real(0.0, 90.0),
+        "In a known room, how wide its near lights may be, on average, seen from the objects. While they are wider, more are drawn than quality.shadow_maps, up to four times as many. 90: never.",
+        |s| Value::Float(f64::from(s.quality.near_width_deg)),
+        |s, v| s.quality.near_width_deg = number(v) as f32
+    ),
+    key!(
         "quality.shadow_map_texels",
         "texels",
         Range::Integer(64, 4096),

@@ -52,7 +52,7 @@ const fn axis(
 }
 
 /// All of them.
-pub const AXES: [AccuracyAxis; 19] = [
+pub const AXES: [AccuracyAxis; 20] = [
     axis("light.order", FarLight, false, &[I(2), I(3), I(4), I(5), I(6)]),
     axis("light.split", FarLight, false, &[W("sh"), W("paper"), W("bounded"), W("compact")]),
     axis("light.lights", FarLight, false, &[I(1), I(2), I(3), I(4)]),
@@ -73,6 +73,7 @@ pub const AXES: [AccuracyAxis; 19] = [
         true,
         &[I(1), I(2), I(3), I(4), I(6), I(8), I(12), I(16), I(24), I(32), I(48), I(64)],
     ),
+    axis("quality.near_width_deg", Room, true, &[F(90.0), F(16.0), F(8.0), F(4.0)]),
     axis("quality.shadow_map_texels", Any, true, &[I(128), I(256), I(512), I(1024), I(2048)]),
     axis("quality.pcf_taps", Any, true, &[I(1), I(2), I(3), I(4), I(6), I(8)]),
     axis("quality.coverage_samples", Any, true, &[I(1), I(4)]),

@@ -5,7 +5,7 @@ use crate::{
 };
 use glam::DVec3;
 
-const QUALITY: NearQuality = NearQuality { lights: 12, texels: 128, places: 3 };
+const QUALITY: NearQuality = NearQuality { lights: 12, left_rad: f32::INFINITY, texels: 128, places: 3 };
 
 /// A box of 0.2 m, its corners and triangles.
 fn cuboid(middle: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {

@@ -22,7 +22,7 @@ struct MarkedFrame {
 impl MarkedFrame {
     fn draw(&mut self, field: &NearField, objects: &[Aabb], count: usize) {
         self.marks.mark(field, objects, None);
-        self.lights.choose(field, &self.marks, objects, None, count, Priority::ErrorRemoved);
+        self.lights.choose(field, &self.marks, objects, None, Wanted::exactly(count), Priority::ErrorRemoved);
         self.lights.light_rows(field, &self.marks, &mut self.rows);
     }
 }
@@ -131,7 +131,14 @@ fn a_sun_shares_the_count() {
         let tree = SourceTree::build(&directions, &[1.0; 16]);
         let towards: Vec<Vec3> = tree.order().iter().map(|&i| directions[i as usize]).collect();
         let far = Marked { tree: &tree, light: &[0.5; 16], towards: &towards, lasting: false };
-        frame.lights.choose(field, &frame.marks, &[object], Some(far), 12, Priority::ErrorRemoved);
+        frame.lights.choose(
+            field,
+            &frame.marks,
+            &[object],
+            Some(far),
+            Wanted::exactly(12),
+            Priority::ErrorRemoved,
+        );
         let suns = frame.lights.far().len();
         assert_eq!(suns + frame.lights.near().len(), 12);
         assert!((least..=most).contains(&suns), "{width}: {suns}");

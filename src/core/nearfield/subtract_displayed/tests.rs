@@ -99,7 +99,7 @@ fn lights_are_dealt_out_from_strong_to_weak() {
             &proxies,
             &positions,
             (&lens, &pose),
-            &NearQuality { lights, texels: 64, places: 1 },
+            &NearQuality { lights, left_rad: f32::INFINITY, texels: 64, places: 1 },
         );
         dealt.update(&frame);
         let count = frame.lights().len();

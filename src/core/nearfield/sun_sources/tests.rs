@@ -4,6 +4,7 @@ use super::super::{
     frame::{NearFrame, NearQuality},
 };
 use super::*;
+use crate::sources::expand::Wanted;
 use crate::{
     math::{lens::Lens, pose::Pose},
     model::room::{Face, Room, RoomSun, RoomSurface},
@@ -97,7 +98,7 @@ impl ShownSun {
         let proxies = Proxies::build(&positions, &triangles, std::iter::once(0..triangles.len()), 500);
         let lens = Lens::pinhole(160, 120, 90.0, 90.0, 80.0, 60.0);
         let pose = Pose::look_at(self.eye, self.at, DVec3::Z);
-        let quality = NearQuality { lights, texels: 64, places: 1 };
+        let quality = NearQuality { lights, left_rad: f32::INFINITY, texels: 64, places: 1 };
         let StoodPlace { field, suns } = place;
         self.frame.update_under(suns, field, &proxies, &positions, (&lens, &pose), &quality);
         let maps = (0..suns.len()).filter(|&k| self.frame.has_sun_map(k)).count();
@@ -206,7 +207,7 @@ fn no_light_is_lost_or_gained() {
     let mut first = None;
     for count in [1000, 50, 10, 5, 3, 2] {
         let by = crate::sources::expand::Priority::ErrorRemoved;
-        lights.choose(&place.field, &marks, &objects, found.marked(&place.suns), count, by);
+        lights.choose(&place.field, &marks, &objects, found.marked(&place.suns), Wanted::exactly(count), by);
         let far: f64 = lights.far().iter().map(|c| f64::from(c.light)).sum();
         let near: f64 = lights.near().iter().map(|l| f64::from(l.light)).sum();
         let [a, b]: [f64; 2] = *first.get_or_insert([far, near]);
