@@ -10,7 +10,7 @@
 mod fresh_recording;
 mod support;
 
-use fresh_recording::{Folder, record, synth};
+use fresh_recording::{Folder, desk, room};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -53,7 +53,7 @@ fn pythons_mcap_decodes_every_message() {
         support::skipped("JSON schemas in Python: not the interpreter that has mcap");
     }
     let folder = Folder::new("python");
-    let files = [(synth(&folder.0), 13, "CompressedImage"), (record(&folder.0), 4, "RawImage")];
+    let files = [(desk(&folder.0), 13, "CompressedImage"), (room(&folder.0), 4, "RawImage")];
     for (path, frames, picture) in files {
         let output = script(&python, &["mcap", path.to_str().unwrap()]).unwrap();
         let told: Value = serde_json::from_str(&said(&output)).unwrap();
@@ -86,7 +86,7 @@ fn rerun_shows_pictures_pinhole_and_transforms() {
         let output = Command::new(&python).args(["-m", "rerun"]).args(arguments).output().unwrap();
         said(&output)
     };
-    for (path, picture) in [(synth(&folder.0), "EncodedImage"), (record(&folder.0), "Image")] {
+    for (path, picture) in [(desk(&folder.0), "EncodedImage"), (room(&folder.0), "Image")] {
         let made = path.with_extension("rrd");
         let made = made.to_str().unwrap();
         rerun(&["mcap", "convert", path.to_str().unwrap(), "--output", made]);

@@ -1,4 +1,4 @@
-//! Recordings as the tool makes them today: by `synth` with a ball, by `record` without one, both with truth.
+//! Recordings as the tool makes them today, with truth: of the desk with its ball, and of the room without one.
 #![allow(dead_code)]
 
 use std::path::{Path, PathBuf};
@@ -26,7 +26,15 @@ pub fn halflight(arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// 13 frames of the desk as JPEG.
+/// 13 frames of the desk as JPEG, its shadows coarse: made at once.
+pub fn desk(folder: &Path) -> PathBuf {
+    let path = folder.join("desk.mcap");
+    let device = "synthetic:frames=13,texel_mm=20,size=128x96";
+    halflight(&["record", device, "--out", path.to_str().unwrap()]);
+    path
+}
+
+/// The same by `synth`.
 pub fn synth(folder: &Path) -> PathBuf {
     let path = folder.join("synth.mcap");
     halflight(&["synth", "--frames", "13", "--size", "128x96", "--out", path.to_str().unwrap()]);
@@ -34,9 +42,9 @@ pub fn synth(folder: &Path) -> PathBuf {
 }
 
 /// Four frames of the room, whose rig has no ball, as they are.
-pub fn record(folder: &Path) -> PathBuf {
-    let path = folder.join("record.mcap");
+pub fn room(folder: &Path) -> PathBuf {
+    let path = folder.join("room.mcap");
     let device = "synthetic:frames=4,view=room,texel_mm=20,size=128x96";
-    halflight(&["record", device, "--raw", "--frames", "4", "--out", path.to_str().unwrap()]);
+    halflight(&["record", device, "--raw", "--out", path.to_str().unwrap()]);
     path
 }
