@@ -72,11 +72,8 @@ fn text(found: &Found<'_>, number: u32) -> String {
 }
 
 fn varint(found: &Found<'_>, number: u32) -> u64 {
-    let numbers = found.iter().filter(|(n, _)| *n == number);
-    numbers
-        .filter_map(|(_, f)| if let WireField::Varint(v) = f { Some(*v) } else { None })
-        .last()
-        .unwrap_or(0)
+    let mut numbers = found.iter().rev().filter(|(n, _)| *n == number);
+    numbers.find_map(|(_, f)| if let WireField::Varint(v) = f { Some(*v) } else { None }).unwrap_or(0)
 }
 
 impl Types {
