@@ -9,6 +9,9 @@ GPU_PACKAGES := libvulkan1 mesa-vulkan-drivers libegl1 libegl-mesa0 libgles2 lib
 FILM_PACKAGES := ffmpeg
 # Only for the test of the page that `halflight tradeoff` writes.
 BROWSER_PACKAGES := chromium
+# Only for the test that reads our recordings in Python. The packages of Python itself are small, and go into a folder of their own.
+PYTHON_PACKAGES := python3 python3-venv
+PYTHON_READERS := mcap mcap-protobuf-support jsonschema
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 HALFLIGHT := target/release/halflight
 
@@ -18,7 +21,7 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures tradeoff presets docs test fuzz bench lint tools-build tools-gpu tools-film tools-browser release
+.PHONY: help demo demo-real figures tradeoff presets docs test fuzz bench lint tools-build tools-gpu tools-film tools-browser tools-python release
 
 # What the front of error against time is measured on: all bundled scenes.
 SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
@@ -49,6 +52,13 @@ tools-gpu:
 tools-browser:
 	$(call install,$(BROWSER_PACKAGES))
 
+# Without a network the test is skipped; nothing here fails.
+tools-python:
+	-$(call install,$(PYTHON_PACKAGES))
+	@[ -e target/python/ready ] || { mkdir -p target && python3 -m venv target/python && \
+	target/python/bin/pip install -q --disable-pip-version-check --retries 1 --timeout 15 $(PYTHON_READERS) && touch target/python/ready; } || \
+	echo "SKIPPED Python's readers of recordings: they cannot be installed"
+
 tools-film:
 	$(call install,$(FILM_PACKAGES))
 
@@ -65,7 +75,7 @@ figures: release
 demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real
 
-test: tools-build tools-gpu tools-browser
+test: tools-build tools-gpu tools-browser tools-python
 	cargo build --release --locked --bins
 	REQUIRE_RELEASE=1 bash tests/run.sh
 

@@ -221,6 +221,13 @@ fn foxgloves_schemas_are_read_in_json_and_protobuf() {
     let mut entries = plain();
     entries[0] = in_protobuf;
     assert_plain(&write(chunked(), &entries), "calibration in protobuf");
+    let json = serde_json::json!({
+        "timestamp": json_time(START), "frame_id": "camera", "width": l.width, "height": l.height,
+        "distortion_model": "rational_polynomial", "D": d, "K": k,
+    });
+    let line = Line("/camera/calibration", "foxglove.CameraCalibration", "json");
+    entries[0] = (line, START, json.to_string().into_bytes());
+    assert_plain(&write(chunked(), &entries), "calibration in JSON");
 
     let json = |schema: &'static str, t: i64, mut value: serde_json::Value| -> Entry {
         value["timestamp"] = json_time(t);

@@ -1,6 +1,10 @@
 //! `--json` is what docs/json says it is.
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
+#[path = "support/json_schema.rs"]
+mod json_schema;
+
+use json_schema::misfits;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::Command;
@@ -12,48 +16,6 @@ fn root() -> PathBuf {
 fn schema(verb: &str) -> Value {
     let text = std::fs::read_to_string(root().join(format!("docs/json/{verb}.json"))).unwrap();
     serde_json::from_str(&text).unwrap()
-}
-
-/// What does not fit, with its place.
-fn misfits(value: &Value, schema: &Value, at: &str, found: &mut Vec<String>) {
-    let kind = match value {
-        Value::Null => "null",
-        Value::Bool(_) => "boolean",
-        Value::Number(n) if n.is_i64() || n.is_u64() => "integer",
-        Value::Number(_) => "number",
-        Value::String(_) => "string",
-        Value::Array(_) => "array",
-        Value::Object(_) => "object",
-    };
-    let fits = |wanted: &Value| wanted == kind || (wanted == "number" && kind == "integer");
-    let is_allowed = match &schema["type"] {
-        Value::Null => true,
-        Value::Array(list) => list.iter().any(fits),
-        one => fits(one),
-    };
-    if !is_allowed {
-        found.push(format!("{at}: {kind} is not {}", schema["type"]));
-    }
-    if schema.get("const").is_some_and(|wanted| wanted != value) {
-        found.push(format!("{at}: {value} is not {}", schema["const"]));
-    }
-    if schema["enum"].as_array().is_some_and(|list| !list.contains(value)) {
-        found.push(format!("{at}: {value} is none of {}", schema["enum"]));
-    }
-    for name in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        if value.is_object() && value.get(name).is_none() {
-            found.push(format!("{at}: {name} is missing"));
-        }
-    }
-    for (name, inner) in value.as_object().into_iter().flatten() {
-        let own = schema["properties"].get(name).or_else(|| schema.get("additionalProperties"));
-        if let Some(own) = own {
-            misfits(inner, own, &format!("{at}.{name}"), found);
-        }
-    }
-    for (index, inner) in value.as_array().into_iter().flatten().enumerate() {
-        misfits(inner, &schema["items"], &format!("{at}[{index}]"), found);
-    }
 }
 
 fn check(verb: &str, arguments: &[&str]) -> Value {

@@ -52,7 +52,12 @@ fn setup() -> Setup {
         gyro_noise_rad_s: 0.003,
         accel_noise_m_s2: 0.03,
     };
-    Setup { rig: Some(rig()), response: Some(Response::srgb()), imu_truth: Some(imu_truth) }
+    Setup {
+        rig: Some(rig()),
+        response: Some(Response::srgb()),
+        imu_truth: Some(imu_truth),
+        ..Setup::default()
+    }
 }
 
 fn frame(i: u64) -> RawFrame {

@@ -80,6 +80,11 @@ pub trait FrameSource: Send {
         None
     }
 
+    /// What is before the camera, by name, where the source knows it (synthetic, or a recording that says so).
+    fn scene(&self) -> Option<String> {
+        None
+    }
+
     /// Returns whether the source has a time line of its own and never waits (a recording, a synthetic room).
     fn delivers_at_once(&self) -> bool {
         false
@@ -198,6 +203,10 @@ impl<S: FrameSource + ?Sized> FrameSource for Box<S> {
 
     fn truth(&mut self) -> Option<Truth> {
         (**self).truth()
+    }
+
+    fn scene(&self) -> Option<String> {
+        (**self).scene()
     }
 
     fn delivers_at_once(&self) -> bool {

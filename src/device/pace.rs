@@ -99,6 +99,10 @@ impl<S: FrameSource> FrameSource for PacedFrames<S> {
     fn truth(&mut self) -> Option<Truth> {
         self.source.truth()
     }
+
+    fn scene(&self) -> Option<String> {
+        self.source.scene()
+    }
 }
 
 /// An inertial sensor that delivers at once, held to a pace. Times of samples are the clock's.

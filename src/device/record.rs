@@ -100,6 +100,10 @@ impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
         self.source.truth()
     }
 
+    fn scene(&self) -> Option<String> {
+        self.source.scene()
+    }
+
     fn delivers_at_once(&self) -> bool {
         self.source.delivers_at_once()
     }

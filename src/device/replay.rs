@@ -363,6 +363,10 @@ impl<R: Read + Seek + Send> FrameSource for ReplaySource<R> {
         self.truth.clone()
     }
 
+    fn scene(&self) -> Option<String> {
+        self.reader.notes().get("scene").cloned()
+    }
+
     fn delivers_at_once(&self) -> bool {
         true
     }

@@ -225,7 +225,7 @@ impl Channels {
     /// The part of a channel by its topic's name: the one that was asked for, or the usual one.
     fn by_name(&self, name: &str) -> Option<Topic> {
         let asked = |topic: &Topic| self.wanted.0.get(topic);
-        Topic::ALL.into_iter().find(|topic| match asked(topic) {
+        Topic::ALL.into_iter().filter(|topic| topic.is_read()).find(|topic| match asked(topic) {
             Some(wanted) => wanted == name,
             None => topic.name() == name,
         })

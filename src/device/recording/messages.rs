@@ -2,10 +2,9 @@
 //! says what is wrong; never a panic.
 
 use super::channels::{Encoding, Message, SchemaKind};
-use super::lens::CENTRE_PX;
 use super::{cdr, foxglove};
 use crate::math::{
-    lens::{Distortion, Lens},
+    lens::Lens,
     pose::Pose,
     sh::{MAX_COEFFICIENTS, MAX_ORDER},
 };
@@ -21,6 +20,7 @@ use crate::{ImuTruth, Truth};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+pub use super::frames::{write_calibration, write_pose, write_transform};
 pub use super::rig::{RigParts, read_rig, write_rig};
 
 /// A time as Foxglove's schemas have it.
@@ -78,44 +78,6 @@ pub(super) fn own<'a, T: Deserialize<'a>>(message: &'a Message) -> Result<T, Str
         Encoding::Json => parse(&message.content),
         _ => Err(message.unreadable()),
     }
-}
-
-#[derive(Serialize)]
-struct CalibrationMessage {
-    timestamp: Time,
-    frame_id: String,
-    width: u32,
-    height: u32,
-    distortion_model: String,
-    #[serde(rename = "D")]
-    d: Vec<f64>,
-    #[serde(rename = "K")]
-    k: Vec<f64>,
-    #[serde(rename = "R")]
-    r: Vec<f64>,
-    #[serde(rename = "P")]
-    p: Vec<f64>,
-}
-
-/// A lens as `foxglove.CameraCalibration`.
-pub fn write_calibration(t: Timestamp, lens: &Lens) -> Vec<u8> {
-    let (fx, fy, cx, cy) = (lens.fx, lens.fy, lens.cx - CENTRE_PX, lens.cy - CENTRE_PX);
-    let (model, d) = match lens.distortion {
-        Distortion::None => ("plumb_bob", vec![0.0; 5]),
-        Distortion::RadialTangential(k) => ("rational_polynomial", k.to_vec()),
-        Distortion::Equidistant(k) => ("kannala_brandt", k.to_vec()),
-    };
-    json(&CalibrationMessage {
-        timestamp: t.into(),
-        frame_id: "camera".into(),
-        width: lens.width,
-        height: lens.height,
-        distortion_model: model.into(),
-        d,
-        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
-        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-    })
 }
 
 /// The lens of a `foxglove.CameraCalibration` (JSON, protobuf) or a `sensor_msgs/msg/CameraInfo`.
@@ -209,7 +171,7 @@ fn own_imu(bytes: &[u8]) -> Result<ImuSample, String> {
     Ok(ImuSample { t: Timestamp(m.t_ns), gyro_rad_s: gyro.to_array(), accel_m_s2: accel.to_array() })
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(super) struct Orientation {
     pub(super) x: f64,
     pub(super) y: f64,
@@ -217,30 +179,16 @@ pub(super) struct Orientation {
     pub(super) w: f64,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(super) struct PoseMessage {
     pub(super) position: Vector,
     pub(super) orientation: Orientation,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(super) struct PoseInFrame {
     pub(super) timestamp: Time,
-    pub(super) frame_id: String,
     pub(super) pose: PoseMessage,
-}
-
-/// The camera in the world as `foxglove.PoseInFrame`.
-pub fn write_pose(t: Timestamp, world_from_camera: &Pose) -> Vec<u8> {
-    let q = world_from_camera.rotation;
-    json(&PoseInFrame {
-        timestamp: t.into(),
-        frame_id: "world".into(),
-        pose: PoseMessage {
-            position: world_from_camera.translation.into(),
-            orientation: Orientation { x: q.x, y: q.y, z: q.z, w: q.w },
-        },
-    })
 }
 
 /// Reads a `foxglove.PoseInFrame` (JSON, protobuf).
@@ -265,11 +213,31 @@ pub fn read_pose(message: &Message) -> Result<PoseEstimate, String> {
     })
 }
 
+/// Written as an object; read as that or, as older recordings have it, a list of three.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Colour<T> {
+    pub(super) r: T,
+    pub(super) g: T,
+    pub(super) b: T,
+}
+
+impl<T> From<[T; 3]> for Colour<T> {
+    fn from([r, g, b]: [T; 3]) -> Self {
+        Self { r, g, b }
+    }
+}
+
+impl<T> From<Colour<T>> for [T; 3] {
+    fn from(Colour { r, g, b }: Colour<T>) -> Self {
+        [r, g, b]
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 struct LightMessage {
     timestamp: Time,
     sh_order: usize,
-    sh_rgb: Vec<[f32; 3]>,
+    sh_rgb: Vec<Colour<f32>>,
     to_light_world: [f32; 3],
 }
 
@@ -278,7 +246,7 @@ pub fn write_light(t: Timestamp, truth: &Truth) -> Vec<u8> {
     json(&LightMessage {
         timestamp: t.into(),
         sh_order: truth.light.order,
-        sh_rgb: truth.light.rows().to_vec(),
+        sh_rgb: truth.light.rows().iter().map(|row| Colour::from(*row)).collect(),
         to_light_world: truth.to_light_world,
     })
 }
@@ -294,7 +262,7 @@ pub fn read_light(message: &Message) -> Result<(RadianceSh, [f32; 3]), String> {
         ));
     }
     let mut rgb = [[0.0; 3]; MAX_COEFFICIENTS];
-    rgb[..m.sh_rgb.len()].copy_from_slice(&m.sh_rgb);
+    rgb.iter_mut().zip(m.sh_rgb).for_each(|(row, given)| *row = given.into());
     Ok((RadianceSh { order: m.sh_order, rgb }, m.to_light_world))
 }
 

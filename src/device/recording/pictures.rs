@@ -2,7 +2,7 @@
 
 use super::channels::{Encoding, Message, SchemaKind};
 use super::foxglove::{self, CompressedImage, RawImage};
-use super::messages::Time;
+use super::frames::{CAMERA, put_time};
 use super::raw::{RawPicture, RawReader};
 use super::wire::WireWriter;
 use super::{
@@ -28,13 +28,6 @@ pub enum PictureCoding {
     Raw,
 }
 
-fn put_time(w: &mut WireWriter, t: Timestamp) {
-    let Time { sec, nsec } = t.into();
-    w.message(1, |w| {
-        w.varint(1, sec as u64).varint(2, u64::from(nsec));
-    });
-}
-
 /// A picture as `foxglove.CompressedImage` or `foxglove.RawImage`.
 pub fn write_image(
     t: Timestamp,
@@ -47,7 +40,7 @@ pub fn write_image(
     put_time(&mut w, t);
     let (format, coded) = match coding {
         PictureCoding::Raw => {
-            w.bytes(7, b"camera").fixed32(2, width).fixed32(3, height).bytes(4, b"rgb8");
+            w.bytes(7, CAMERA.as_bytes()).fixed32(2, width).fixed32(3, height).bytes(4, b"rgb8");
             w.fixed32(5, 3 * width).bytes(6, pixels);
             return Ok(w.finish());
         }
@@ -72,7 +65,7 @@ pub fn write_image(
             ("png", out)
         }
     };
-    w.bytes(4, b"camera").bytes(2, &coded).bytes(3, format.as_bytes());
+    w.bytes(4, CAMERA.as_bytes()).bytes(2, &coded).bytes(3, format.as_bytes());
     Ok(w.finish())
 }
 

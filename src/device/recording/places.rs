@@ -2,6 +2,7 @@
 //! impossible, it looks for the next place that can be a chunk.
 
 use super::channels::Channels;
+use super::notes;
 use mcap::{MAGIC, records::op};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -52,6 +53,8 @@ pub(super) struct Found {
     pub(super) gaps: u64,
     /// Records that are too large to be read.
     pub(super) too_large: u64,
+    /// What the file says of its making.
+    pub(super) notes: Option<BTreeMap<String, String>>,
 }
 
 /// Walks over all records of a file.
@@ -123,6 +126,12 @@ fn note<R: Read + Seek>(
             let mut bytes = vec![0; size as usize];
             if read_at(source, at + RECORD_HEAD, &mut bytes)? == bytes.len() {
                 channels.define(opcode, &bytes);
+            }
+        }
+        op::METADATA if size <= LARGEST_DEFINITION && found.notes.is_none() => {
+            let mut bytes = vec![0; size as usize];
+            if read_at(source, at + RECORD_HEAD, &mut bytes)? == bytes.len() {
+                found.notes = notes::read(&bytes);
             }
         }
         op::MESSAGE if size > LARGEST_CHUNK => found.too_large += 1,

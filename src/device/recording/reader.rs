@@ -67,6 +67,7 @@ pub struct RecordingReader<R> {
     damage: Damage,
     line: TimeLine,
     numbers: BTreeMap<Topic, u64>,
+    notes: BTreeMap<String, String>,
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
@@ -107,6 +108,7 @@ impl<R: Read + Seek> RecordingReader<R> {
             damage,
             line: TimeLine::default(),
             numbers: BTreeMap::new(),
+            notes: found.notes.unwrap_or_default(),
         };
         reader.find_channels()?;
         let refuse = |why| DeviceError::new(&reader.device, format!("open: {why}"), ErrorKind::Refused);
@@ -131,6 +133,11 @@ impl<R: Read + Seek> RecordingReader<R> {
             }
         }
         Ok(())
+    }
+
+    /// What the file says of its making (`notes`); empty where it says nothing.
+    pub fn notes(&self) -> &BTreeMap<String, String> {
+        &self.notes
     }
 
     /// What was wrong so far.

@@ -1,5 +1,4 @@
-//! Protocol Buffers by hand: the few wire forms that Foxglove's image messages use, and the description of a
-//! message type that an MCAP schema record carries. Pure.
+//! Protocol Buffers by hand: the few wire forms that Foxglove's messages use. Pure.
 
 /// Appends fields to a message.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +50,21 @@ impl WireWriter {
     pub fn fixed32(&mut self, field: u32, n: u32) -> &mut Self {
         self.raw_varint(u64::from(field) << 3 | 5);
         self.0.extend_from_slice(&n.to_le_bytes());
+        self
+    }
+
+    /// A number of eight bytes. 0 is written too, so that what is there can be told from what is not.
+    pub fn double(&mut self, field: u32, x: f64) -> &mut Self {
+        self.raw_varint(u64::from(field) << 3 | 1);
+        self.0.extend_from_slice(&x.to_le_bytes());
+        self
+    }
+
+    /// A list of such numbers, packed.
+    pub fn doubles(&mut self, field: u32, list: &[f64]) -> &mut Self {
+        self.raw_varint(u64::from(field) << 3 | 2);
+        self.raw_varint(8 * list.len() as u64);
+        list.iter().for_each(|x| self.0.extend_from_slice(&x.to_le_bytes()));
         self
     }
 
@@ -118,70 +132,6 @@ fn take_field<'a>(rest: &mut &'a [u8]) -> Option<(u32, WireField<'a>)> {
     Some((field, content))
 }
 
-/// The type of a field, as numbered in `descriptor.proto`.
-#[derive(Clone, Copy, Debug)]
-pub enum FieldType {
-    /// `int32`
-    Int32,
-    /// `int64`
-    Int64,
-    /// `fixed32`
-    Fixed32,
-    /// `string`
-    Text,
-    /// `bytes`
-    Bytes,
-    /// A message, by its full name with a leading dot.
-    Message(&'static str),
-}
-
-/// Describes one message type.
-pub struct MessageType {
-    /// Without the package.
-    pub name: &'static str,
-    /// Names, numbers and types.
-    pub fields: &'static [(&'static str, u32, FieldType)],
-}
-
-/// Appends one file to a `FileDescriptorSet`.
-pub fn describe_file(
-    set: &mut WireWriter,
-    file: &str,
-    package: &str,
-    imports: &[&str],
-    message: &MessageType,
-) {
-    set.message(1, |w| {
-        w.bytes(1, file.as_bytes()).bytes(2, package.as_bytes());
-        for import in imports {
-            w.bytes(3, import.as_bytes());
-        }
-        w.message(4, |w| {
-            w.bytes(1, message.name.as_bytes());
-            for (name, number, kind) in message.fields {
-                w.message(2, |w| describe_field(w, name, *number, *kind));
-            }
-        });
-        w.bytes(12, b"proto3");
-    });
-}
-
-fn describe_field(w: &mut WireWriter, name: &str, number: u32, kind: FieldType) {
-    const LABEL_OPTIONAL: u64 = 1;
-    let code = match kind {
-        FieldType::Int64 => 3,
-        FieldType::Int32 => 5,
-        FieldType::Fixed32 => 7,
-        FieldType::Text => 9,
-        FieldType::Message(_) => 11,
-        FieldType::Bytes => 12,
-    };
-    w.bytes(1, name.as_bytes()).varint(3, u64::from(number)).varint(4, LABEL_OPTIONAL).varint(5, code);
-    if let FieldType::Message(full_name) = kind {
-        w.bytes(6, full_name.as_bytes());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -192,6 +142,7 @@ mod tests {
         Varint(u64),
         Bytes(Vec<u8>),
         Fixed32(u32),
+        Double(u64),
     }
 
     fn any_field() -> impl Strategy<Value = (u32, Owned)> {
@@ -199,6 +150,7 @@ mod tests {
             any::<u64>().prop_map(Owned::Varint),
             prop::collection::vec(any::<u8>(), 0..40).prop_map(Owned::Bytes),
             any::<u32>().prop_map(Owned::Fixed32),
+            any::<u64>().prop_map(Owned::Double),
         ];
         (1u32..(1 << 29), content)
     }
@@ -212,6 +164,7 @@ mod tests {
                     Owned::Varint(n) => w.varint(*field, *n),
                     Owned::Bytes(b) => w.bytes(*field, b),
                     Owned::Fixed32(n) => w.fixed32(*field, *n),
+                    Owned::Double(bits) => w.double(*field, f64::from_bits(*bits)),
                 };
             }
             let message = w.finish();
@@ -223,6 +176,7 @@ mod tests {
                     Owned::Varint(n) => WireField::Varint(*n),
                     Owned::Bytes(b) => WireField::Bytes(b),
                     Owned::Fixed32(n) => WireField::Fixed32(*n),
+                    Owned::Double(bits) => WireField::Fixed64(*bits),
                 };
                 prop_assert_eq!(expected, got);
             }

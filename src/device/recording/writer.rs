@@ -1,7 +1,9 @@
 //! Writes a recording.
 
 use super::{
+    frames::{self, CAMERA},
     messages,
+    notes::{self, Origin},
     pictures::{self, PictureCoding},
     schema::{Topic, schema},
 };
@@ -27,6 +29,8 @@ pub struct Setup {
     pub response: Option<Response>,
     /// The IMU's true faults.
     pub imu_truth: Option<ImuTruth>,
+    /// Who records what.
+    pub origin: Origin,
 }
 
 /// What has been written.
@@ -71,12 +75,15 @@ impl<W: Write + Seek> RecordingWriter<W> {
         setup: Setup,
     ) -> Result<Self, DeviceError> {
         let device = device.into();
-        let mcap = mcap::WriteOptions::new()
+        let mut mcap = mcap::WriteOptions::new()
             .compression(Some(mcap::Compression::Zstd))
             .compression_threads(0)
             .chunk_size(None)
             .library(concat!("halflight ", env!("CARGO_PKG_VERSION")))
             .create(target)
+            .map_err(|e| DeviceError::new(&device, "begin the file", ErrorKind::Refused).because(e))?;
+        let texts = setup.origin.texts(setup.rig.as_ref(), coding);
+        mcap.write_metadata(&mcap::records::Metadata { name: notes::NAME.to_owned(), metadata: texts })
             .map_err(|e| DeviceError::new(&device, "begin the file", ErrorKind::Refused).because(e))?;
         Ok(Self {
             device,
@@ -104,6 +111,8 @@ impl<W: Write + Seek> RecordingWriter<W> {
         if let Some(truth) = truth {
             let pose = messages::write_pose(t, &truth.pose.world_from_camera);
             self.put(Topic::TruthPose, t, sequence, &pose)?;
+            let transform = messages::write_transform(t, CAMERA, &truth.pose.world_from_camera);
+            self.put(Topic::Transforms, t, sequence, &transform)?;
             self.put(Topic::TruthLight, t, sequence, &messages::write_light(t, truth))?;
         }
         let image = pictures::write_image(t, &frame.pixels, self.coding).map_err(|e| {
@@ -116,9 +125,10 @@ impl<W: Write + Seek> RecordingWriter<W> {
         Ok(())
     }
 
-    /// Writes inertial samples.
+    /// Writes inertial samples. Those that are not finite numbers are left out: JSON has no word for them, and no reader takes them.
     pub fn write_imu(&mut self, samples: &[ImuSample]) -> Result<(), DeviceError> {
-        for sample in samples {
+        let is_finite = |s: &&ImuSample| s.gyro_rad_s.iter().chain(&s.accel_m_s2).all(|x| x.is_finite());
+        for sample in samples.iter().filter(is_finite) {
             if self.chunk_start.is_none() {
                 self.begin(sample.t)?;
             }
@@ -153,6 +163,9 @@ impl<W: Write + Seek> RecordingWriter<W> {
         if let Some(rig) = &setup.rig {
             self.put(Topic::Calibration, t, 0, &messages::write_calibration(t, &rig.lens))?;
             self.put(Topic::Rig, t, 0, &messages::write_rig(t, rig, setup.response.as_ref()))?;
+            for (name, place) in frames::standing(rig) {
+                self.put(Topic::Transforms, t, 0, &messages::write_transform(t, &name, &place))?;
+            }
         }
         if let Some(truth) = &setup.imu_truth {
             self.put(Topic::TruthImu, t, 0, &messages::write_imu_truth(t, truth))?;

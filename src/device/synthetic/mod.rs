@@ -244,6 +244,14 @@ impl FrameSource for SyntheticSource {
         self.truth.clone()
     }
 
+    fn scene(&self) -> Option<String> {
+        let view = match self.options.view {
+            SyntheticSubject::Desk => "desk",
+            SyntheticSubject::Room => "room",
+        };
+        Some(format!("synthetic room, view {view}"))
+    }
+
     fn delivers_at_once(&self) -> bool {
         true
     }

@@ -5,10 +5,10 @@ use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
-use crate::daemon::{exit, stop_signals};
+use crate::daemon::{exit, stop_signals, version};
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
-use crate::device::recording::{PictureCoding, RecordingWriter, Setup};
+use crate::device::recording::{Origin, PictureCoding, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Signal, Truth, open};
 use crate::lab::digest::PixelDigest;
 use crate::model::{frame::Exposure, path_text, time::Timestamp};
@@ -89,6 +89,17 @@ pub fn tape(out: &Path, coding: PictureCoding, setup: Setup) -> Result<WholeTape
     let target =
         WholeFile::create(out).map_err(|e| CliError::on(out.display(), format!("cannot be written: {e}")))?;
     Ok(Tape::new(RecordingWriter::new(format!("record:{}", out.display()), target, coding, setup)?))
+}
+
+/// Who records what, for the file's own notes.
+pub fn origin(verb: &str, device: &str, settings: String, frames: &impl FrameSource) -> Origin {
+    Origin {
+        program: format!("halflight {verb}"),
+        version: version::SHORT.to_owned(),
+        device: device.to_owned(),
+        settings,
+        scene: frames.scene().unwrap_or_default(),
+    }
 }
 
 /// When to stop; a source that ends stops too.
@@ -226,6 +237,13 @@ fn replayed(device: &str) -> PathBuf {
     crate::device::replay::ReplayOptions::parse(rest).map(|o| o.path).unwrap_or_default()
 }
 
+/// The limits that were asked for.
+fn settings(arguments: &RecordArguments) -> String {
+    let frames = arguments.frames.map(|n| format!("frames={n}"));
+    let seconds = arguments.seconds.map(|s| format!("seconds={s}"));
+    frames.into_iter().chain(seconds).collect::<Vec<_>>().join(",")
+}
+
 /// Runs `halflight record`.
 pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let (a, stop) = (&arguments, stop_of_signals()?);
@@ -246,6 +264,7 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         rig: opened.frames.rig(),
         response: opened.frames.response(),
         imu_truth: opened.imu.as_ref().and_then(|imu| imu.imu_truth()),
+        origin: origin("record", &device, settings(a), &opened.frames),
     };
     if setup.rig.is_none() {
         tracing::warn!("{device} states no lens: the recording will have no calibration");

@@ -107,7 +107,9 @@ pub fn run(arguments: SynthArguments, global: &GlobalOptions) -> Result<(), CliE
         let map = frames.probe(a.probe_position, PROBE_ROWS);
         pictures::save_hdr(file, &map.radiance)?;
     }
-    let setup = Setup { rig: frames.rig(), response: frames.response(), imu_truth: imu.imu_truth() };
+    let origin = record::origin("synth", "synthetic", name, &frames);
+    let (rig, response, imu_truth) = (frames.rig(), frames.response(), imu.imu_truth());
+    let setup = Setup { rig, response, imu_truth, origin };
     let tape = record::tape(&a.out, coding, setup)?;
     let mut imu = ImuRecorder::new(imu, tape.clone());
     let mut frames = Recorder::new(frames, tape.clone());
