@@ -2,7 +2,7 @@
 
 use crate::model::time::Timestamp;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A clock on the monotonic time line of the frames. It never goes back. Shared by threads.
@@ -59,16 +59,25 @@ impl Signal {
     }
 }
 
-/// The machine's monotonic clock; zero is when it was made.
+/// When the first clock of the process was made.
+static ZERO: OnceLock<Instant> = OnceLock::new();
+
+/// The kernel's monotonic clock now, nanoseconds: what drivers put onto their frames.
+pub fn monotonic_ns() -> i64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec)
+}
+
+/// The machine's monotonic clock; zero is when the first of them was made, so that all agree.
 #[derive(Clone, Copy, Debug)]
 pub struct MonotonicClock {
     zero: Instant,
 }
 
 impl MonotonicClock {
-    /// Starts at zero.
+    /// A clock on the time line of the process.
     pub fn new() -> Self {
-        Self { zero: Instant::now() }
+        Self { zero: *ZERO.get_or_init(Instant::now) }
     }
 }
 

@@ -53,6 +53,11 @@ impl<S: CaptureSource> DevelopedCamera<S> {
         Ok(Self { device, source, developer, response, broken: 0, broken_in_all: 0 })
     }
 
+    /// The driver.
+    pub fn source_mut(&mut self) -> &mut S {
+        &mut self.source
+    }
+
     /// Frames that could not be developed so far.
     pub fn broken_frames(&self) -> u64 {
         self.broken_in_all

@@ -35,6 +35,8 @@ pub mod stdio_link;
 pub mod supervise;
 pub mod synthetic;
 pub mod truth;
+#[cfg(feature = "v4l2")]
+pub mod v4l2;
 
 use crate::model::{
     frame::{Exposure, RawFrame},
