@@ -4,6 +4,7 @@
 //! the light's change between two frames, which follows from both states and both levels, and of contradicting metadata that
 //! is believed. A frame's margin is by how much the best path through any other exposure costs more than the best of all.
 
+use super::offsets::Offsets;
 use super::shape::Level;
 use super::writes::{Delays, Writes};
 use crate::model::frame::Exposure;
@@ -11,13 +12,15 @@ use crate::model::frame::Exposure;
 /// Most writes that a frame chooses from; at one write a frame there are eleven.
 pub(super) const STATES: usize = 12;
 /// Cost of light that changes in the whole scene from one frame to the next.
-const JUMP: f64 = 10.0;
+const JUMP: f64 = 14.0;
 /// Two frames up to this cost of light are joined: one light, three sigma.
 const JOINED: f64 = 4.5;
 /// Cost of a frame whose metadata is believed and wrong.
-const STATED_WRONGLY: f64 = 10.0;
+const STATED_WRONGLY: f64 = 14.0;
 /// Exposures nearer than this, ln, are one.
 pub(super) const SAME: f64 = 0.02;
+/// The margin from which a frame tells of its exposure's truth.
+const CLEAR: f64 = 8.0;
 /// Frames apart after which light may have become anything.
 const FAR_APART: u64 = 16;
 
@@ -55,6 +58,8 @@ pub(super) struct Finding {
     pub margin: f64,
     /// A frame of another exposure saw the same light: the exposure is what it is said to be.
     pub joined: bool,
+    /// Over several frames this exposure has seen the light that others see.
+    pub proven: bool,
 }
 
 /// A frame that was decided, as the next one needs it.
@@ -71,6 +76,7 @@ pub(super) struct Chain {
     decided: Option<Decided>,
     /// Mean |change of ln light| from frame to frame.
     unrest: f64,
+    offsets: Offsets,
 }
 
 impl Entry {
@@ -151,7 +157,7 @@ const MOST_UNREST: f64 = 0.12;
 
 impl Chain {
     pub fn new(capacity: usize) -> Self {
-        Self { entries: Vec::with_capacity(capacity + 2), decided: None, unrest: LEAST_UNREST }
+        Self { entries: Vec::with_capacity(capacity + 2), decided: None, unrest: LEAST_UNREST, offsets: Offsets::new() }
     }
 
     pub fn clear(&mut self) {
@@ -169,6 +175,11 @@ impl Chain {
     pub fn oldest(&self) -> Option<(Option<f64>, bool)> {
         let entry = self.entries.get(usize::from(self.decided.is_some()))?;
         Some((entry.stated, entry.level.begins))
+    }
+
+    /// The largest mean residual of an exposure, ln.
+    pub fn worst_offset(&self) -> f64 {
+        self.offsets.worst()
     }
 
     /// The mean change of ln light from frame to frame.
@@ -230,7 +241,8 @@ impl Chain {
         let other = others.map(total).fold(f64::INFINITY, f64::min);
         let margin = other - total(state);
         let joined = self.joined_before(at, state) || self.joined_after(at, state);
-        Some(Finding { state, log, exposure: entry.exposure[state], margin, joined })
+        let proven = self.offsets.is_true(log, self.unrest);
+        Some(Finding { state, log, exposure: entry.exposure[state], margin, joined, proven })
     }
 
     fn joined_before(&self, at: usize, state: usize) -> bool {
@@ -260,8 +272,13 @@ impl Chain {
     /// The oldest waiting frame is done with; `sure` ones teach the delays.
     pub fn decide(&mut self, finding: &Finding, sure: bool, delays: &mut Delays) {
         if let (Some(decided), [before, entry, ..]) = (self.decided, self.entries.as_slice()) {
-            if let Some(unrest) = self.change(before, decided, entry, finding) {
-                self.unrest = (self.unrest + 0.02 * (unrest - self.unrest)).clamp(LEAST_UNREST, MOST_UNREST);
+            if let Some(change) = self.change(before, decided, entry, finding) {
+                self.unrest =
+                    (self.unrest + 0.02 * (change.abs() - self.unrest)).clamp(LEAST_UNREST, MOST_UNREST);
+                let other = before.log[decided.state];
+                if finding.margin >= CLEAR && (finding.log - other).abs() > SAME {
+                    self.offsets.add(finding.log, other, change);
+                }
             }
             let adjacent = entry.sequence == before.sequence + 1;
             if sure && decided.joined && adjacent {
@@ -278,11 +295,11 @@ impl Chain {
         self.decided = Some(Decided { state: finding.state, joined: finding.joined });
     }
 
-    /// |Change of ln light| between the frame last decided and this one, where it may be unrest and not a jump.
+    /// Change of ln light between the frame last decided and this one, where it may be unrest and not a jump.
     fn change(&self, before: &Entry, decided: Decided, entry: &Entry, finding: &Finding) -> Option<f64> {
         let cost = light(before, decided.state, entry, finding.state, self.unrest)?;
         let exposures = finding.log - before.log[decided.state];
-        let change = (entry.level.log - before.level.log - exposures).abs();
+        let change = entry.level.log - before.level.log - exposures;
         (finding.joined && cost < JUMP && change.is_finite()).then_some(change)
     }
 }

@@ -15,6 +15,7 @@
 //! equal ([`plan`]) make this rarer.
 
 mod chain;
+mod offsets;
 pub mod plan;
 mod shape;
 pub mod simulator;
@@ -39,10 +40,10 @@ use writes::{Delays, Writes};
 
 /// Most exposures of a cycle.
 pub const MOST_EXPOSURES: usize = 9;
-/// By how much the second best explanation must be worse, in -ln probability: 1 in 9 million.
-pub const SURE: f64 = 16.0;
+/// By how much the second best explanation must be worse, in -ln probability: 1 in 480 million.
+pub const SURE: f64 = 20.0;
 /// Frames after which a frame that is still not sure is given up.
-const LONGEST_WAIT: usize = 5;
+const LONGEST_WAIT: usize = 8;
 /// Writes at the start that follow no cycle, so that a delay of one round is not taken for none.
 const START: u64 = 24;
 /// Frames in a row from the past that mean a camera which counts from the beginning again.
@@ -145,6 +146,9 @@ pub struct Report {
     pub delays_from: f64,
     /// Mean |change of ln light| from frame to frame: 0.02 is the least that is told.
     pub unrest: f64,
+    /// By how much the worst exposure differs from what was read back, in ln, as far as the others are right. Frames are sure
+    /// up to 0.025, and 13 % and more is [`Unsure::NotExplained`] at once.
+    pub worst_offset: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -209,6 +213,7 @@ impl Scheduler {
                 delays: [0.0; 10],
                 delays_from: 0.0,
                 unrest: 0.0,
+                worst_offset: 0.0,
             },
             arrivals: 0,
         };
@@ -319,7 +324,7 @@ impl Scheduler {
     }
 
     /// The next frame of which it is settled what is known, in the order of arrival; each comes once. Most come with the frame
-    /// after them, none later than six measured frames.
+    /// after them, none later than nine measured frames.
     pub fn settled(&mut self) -> Option<Settled> {
         let head = *self.waiting.front()?;
         let attribution = match head.attribution {
@@ -345,8 +350,10 @@ impl Scheduler {
         let by_metadata = self.stated.is_believed() && agrees == Some(true);
         let known = finding.log.is_finite();
         let one_exposure = known && self.writes.all_equal() && finding.margin.is_infinite();
-        let grounded = finding.joined || by_metadata || one_exposure;
-        let sure = known && grounded && finding.margin >= SURE;
+        let grounded = (finding.joined && finding.proven) || by_metadata || one_exposure;
+        // Light that changes with a frame looks like another exposure until the next one comes.
+        let waited = self.chain.waiting() > 1 || by_metadata;
+        let sure = known && grounded && waited && finding.margin >= SURE;
         if !sure && self.chain.waiting() <= LONGEST_WAIT {
             return None;
         }
@@ -401,6 +408,7 @@ impl Scheduler {
             delays,
             delays_from,
             unrest: self.chain.unrest(),
+            worst_offset: self.chain.worst_offset(),
             ..self.report
         }
     }

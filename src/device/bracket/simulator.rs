@@ -143,7 +143,10 @@ impl SimulatedCamera {
         let table =
             (0..TABLE).map(|k| response.value_of(1, ln_x(k).exp() as f32).round() as u8).collect();
         // A 5 ms exposure sees the middle of the scene at a fifth of white.
-        let radiance: [f64; SAMPLES] = std::array::from_fn(|_| 40.0 * dice.between(-2.5, 2.5).exp());
+        let blocks: [f64; BLOCKS] = std::array::from_fn(|_| 40.0 * dice.between(-2.5, 2.5).exp());
+        let block_of = |k: usize| k / (2 * WIDTH) * COLUMNS + k % WIDTH / 2;
+        let radiance: [f64; SAMPLES] =
+            std::array::from_fn(|k| blocks[block_of(k)] * dice.between(-0.3, 0.3).exp());
         let lamp = std::array::from_fn(|k| {
             let x = (k % WIDTH) as f64 / WIDTH as f64;
             radiance[k] * 6.0 * (-4.0 * x).exp()
@@ -257,7 +260,7 @@ impl SimulatedCamera {
 
     /// A light that would leave the scene's middle unseen is turned the other way.
     fn set_light(&mut self, light: f64) {
-        self.light = if (0.1..10.0).contains(&light) { light } else { 1.0 };
+        self.light = if (0.2..5.0).contains(&light) { light } else { 1.0 };
     }
 
     fn draw(&mut self, exposure: Exposure) {

@@ -104,7 +104,7 @@ fn kinds() -> Vec<(&'static str, Faults, f64)> {
         ("light steps", Faults { light_steps: 0.01, ..uvc.clone() }, 0.8),
         ("treacherous steps", Faults { treacherous_steps: 0.01, ..uvc.clone() }, 0.7),
         ("treacherous, delays of 0 to 6", Faults { treacherous_steps: 0.01, ..wild.clone() }, 0.5),
-        ("noise", Faults { reading_noise: 0.01, ..uvc.clone() }, 0.8),
+        ("noise", Faults { reading_noise: 0.006, ..uvc.clone() }, 0.8),
         (
             "all",
             Faults {

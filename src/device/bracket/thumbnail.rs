@@ -13,6 +13,8 @@ pub const BLOCKS: usize = COLUMNS * ROWS;
 const SATURATED: u8 = 250;
 /// A sample of which no channel exceeds this value counts as black: below, rounding hides the ratio of two exposures.
 const BLACK: u8 = 12;
+/// A block darker than this value on the whole is mostly noise of the sensor, cut at black.
+const DARKEST_MEAN: usize = 24;
 /// Samples of a picture that are looked at, about.
 const SAMPLES: usize = 24_576;
 /// Share of black samples up to which a block still tells its light.
@@ -79,6 +81,8 @@ impl Thumbnail {
 pub struct ThumbnailReader {
     /// X for each channel and value.
     linear: [[f32; 256]; 3],
+    /// The least mean of a block, X.
+    darkest: f64,
     sums: [f64; BLOCKS],
     samples: [u32; BLOCKS],
 }
@@ -87,7 +91,8 @@ impl ThumbnailReader {
     /// For a camera of this response.
     pub fn new(response: &Response) -> Self {
         let linear = response.log_exposure().map(|g| g.map(f32::exp));
-        Self { linear, sums: [0.0; BLOCKS], samples: [0; BLOCKS] }
+        let darkest = linear.iter().map(|x| f64::from(x[DARKEST_MEAN])).sum::<f64>() / 3.0;
+        Self { linear, darkest, sums: [0.0; BLOCKS], samples: [0; BLOCKS] }
     }
 
     /// Reads an RGB picture; about 25,000 pixels of it are looked at, evenly spread. A picture without pixels gives a thumbnail
@@ -137,7 +142,10 @@ impl ThumbnailReader {
         for block in 0..BLOCKS {
             let samples = self.samples[block];
             if samples > 0 {
-                out.log_mean[block] = (self.sums[block] / f64::from(samples)).ln() as f32;
+                let mean = self.sums[block] / f64::from(samples);
+                if mean >= self.darkest {
+                    out.log_mean[block] = mean.ln() as f32;
+                }
                 out.saturated[block] /= samples as f32;
                 out.black[block] /= samples as f32;
             }
