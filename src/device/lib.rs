@@ -21,6 +21,7 @@ use halflight_core::{hdr, model};
 use halflight_math as math;
 
 pub mod bracket;
+pub mod bracketed;
 pub mod clock;
 pub mod developed;
 pub mod error;

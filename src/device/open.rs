@@ -4,6 +4,10 @@ use super::{
     Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource, null_display::NullDisplay,
     parameters::nearest, replay, stdio_link::LineLink, synthetic,
 };
+#[cfg(feature = "v4l2")]
+use super::{bracketed::BracketedCamera, clock::MonotonicClock, developed::DevelopedCamera};
+#[cfg(feature = "v4l2")]
+use crate::{hdr::develop::SensorOptions, model::response::Response};
 use std::sync::Arc;
 
 /// An opened camera, with its inertial sensor where it has one.
@@ -15,18 +19,20 @@ pub struct OpenedDevices {
 }
 
 /// What stands before the colon of a camera's name.
-pub const SCHEMES: [&str; 2] = ["synthetic", "replay"];
+pub const SCHEMES: [&str; 3] = ["synthetic", "replay", "v4l2"];
 /// What stands before the colon of a display's name.
 pub const DISPLAYS: [&str; 1] = ["null"];
 /// Names of command links.
 pub const LINKS: [&str; 1] = ["stdio"];
 
-/// Opens `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`.
+/// Opens `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`,
+/// `v4l2:/dev/video0,..` (see `v4l2::V4l2Options`) or a path that begins with `/dev/video` or `/dev/v4l`.
 /// `Refused` for anything else, with what is known and what comes nearest.
 pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
     let (scheme, rest) = match name.split_once(':') {
         Some((scheme, rest)) if !name.ends_with(".mcap") || SCHEMES.contains(&scheme) => (scheme, rest),
         _ if name.ends_with(".mcap") => ("replay", name),
+        _ if name.starts_with("/dev/video") || name.starts_with("/dev/v4l") => ("v4l2", name),
         _ => (name, ""),
     };
     match scheme {
@@ -41,8 +47,29 @@ pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
                 imu: imu.map(|imu| Box::new(imu) as Box<dyn ImuSource>),
             })
         }
-        _ => Err(unknown(name, scheme, &SCHEMES, "synthetic:key=value,.. | replay:FILE | FILE.mcap")),
+        #[cfg(feature = "v4l2")]
+        "v4l2" => open_v4l2(rest),
+        #[cfg(not(feature = "v4l2"))]
+        "v4l2" => {
+            let action = "this program was built without V4L2 (feature v4l2)";
+            Err(DeviceError::new(name, action, ErrorKind::Refused))
+        }
+        _ => {
+            let known = "synthetic:key=value,.. | replay:FILE | FILE.mcap | v4l2:/dev/video0";
+            Err(unknown(name, scheme, &SCHEMES, known))
+        }
     }
+}
+
+/// A camera of the kernel, with its exposures in turn. Its pictures are taken to be sRGB.
+#[cfg(feature = "v4l2")]
+fn open_v4l2(rest: &str) -> Result<OpenedDevices, DeviceError> {
+    let name = format!("v4l2:{rest}");
+    let camera = super::v4l2::open(rest, Arc::new(MonotonicClock::default()))?;
+    let response = Response::srgb();
+    let developed = DevelopedCamera::new(&name, camera, response.clone(), SensorOptions::default())?;
+    let frames = Box::new(BracketedCamera::new(name, developed, &response));
+    Ok(OpenedDevices { frames, imu: None })
 }
 
 /// Opens the display `null:hz=60`. `Refused` for anything else, with what is known and what comes nearest.
@@ -81,7 +108,7 @@ mod tests {
     #[test]
     fn unknown_names_are_refused_with_what_is_known() {
         assert!(refusal("synthetik:frames=3").contains("did you mean \"synthetic\"?"));
-        assert!(refusal("/dev/video0").contains("Known: synthetic:"));
+        assert!(refusal("/def/video0").contains("Known: synthetic:"));
         assert!(refusal("").contains("Known: synthetic:"));
         assert!(refusal("no/such/file.mcap").contains("replay:no/such/file.mcap: open the file"));
         assert!(refusal("synthetic:frame=3").contains("did you mean \"frames\"?"));

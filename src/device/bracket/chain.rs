@@ -157,7 +157,12 @@ const MOST_UNREST: f64 = 0.12;
 
 impl Chain {
     pub fn new(capacity: usize) -> Self {
-        Self { entries: Vec::with_capacity(capacity + 2), decided: None, unrest: LEAST_UNREST, offsets: Offsets::new() }
+        Self {
+            entries: Vec::with_capacity(capacity + 2),
+            decided: None,
+            unrest: LEAST_UNREST,
+            offsets: Offsets::new(),
+        }
     }
 
     pub fn clear(&mut self) {

@@ -4,16 +4,20 @@ use super::control::{ExposureLimits, ManualExposure};
 use super::format::{self, FormatWish};
 use super::node::{Filled, Granted, VideoNode};
 use super::stream::{Stream, StreamCounts, StreamError, StreamedPicture};
+use crate::math::lens::{Distortion, Lens};
 use crate::model::{
     frame::{CapturedFrame, Exposure},
     pixels::PixelLayout,
+    rig::Rig,
     time::Timestamp,
 };
-use crate::{Clock, DeviceError, ErrorKind, developed::CaptureSource};
+use crate::{Clock, DeviceError, ErrorKind, bracketed::ExposureControl, developed::CaptureSource};
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
+/// Half the width of a webcam's picture, radians, where nobody has measured the lens.
+const GUESSED_HALF_WIDTH: f64 = 30.0 / 180.0 * std::f64::consts::PI;
 /// Frames in a row that the driver calls damaged mean that the camera has lost its state.
 const MOST_DAMAGED_IN_A_ROW: u64 = 30;
 
@@ -28,6 +32,7 @@ pub struct V4l2Camera<N: VideoNode> {
     layout: PixelLayout,
     granted: Granted,
     frames_per_s: f64,
+    times_are_starts: bool,
 }
 
 impl<N: VideoNode> V4l2Camera<N> {
@@ -71,6 +76,7 @@ impl<N: VideoNode> V4l2Camera<N> {
             layout,
             granted,
             frames_per_s,
+            times_are_starts: true,
         };
         camera.told = camera.exposure.as_ref().map_or(camera.told, |manual| manual.nearest(camera.told));
         Ok(camera)
@@ -79,14 +85,6 @@ impl<N: VideoNode> V4l2Camera<N> {
     /// What can be asked of its exposure; `None` where it cannot be set.
     pub fn exposure_limits(&self) -> Option<ExposureLimits> {
         self.exposure.as_ref().map(ManualExposure::limits)
-    }
-
-    /// Writes an exposure; it will be in force some frames later. Returns what the camera took.
-    pub fn write_exposure(&mut self, wish: Exposure) -> Result<Exposure, DeviceError> {
-        let Some(manual) = &self.exposure else { return Ok(self.told) };
-        self.told =
-            manual.set(self.stream.node(), wish).map_err(|e| failed(&self.device, "set its exposure", e))?;
-        Ok(self.told)
     }
 
     /// Columns and rows of its pictures.
@@ -119,8 +117,7 @@ impl<N: VideoNode> V4l2Camera<N> {
         };
         let stated = now.0.saturating_sub(age_ns);
         let to_middle_s = 0.5 * self.told.time_s;
-        let is_start = filled.at_start && filled.is_monotonic;
-        let offset_ns = (if is_start { to_middle_s } else { -to_middle_s } * 1e9) as i64;
+        let offset_ns = (if self.times_are_starts { to_middle_s } else { -to_middle_s } * 1e9) as i64;
         Timestamp(stated.saturating_add(offset_ns))
     }
 }
@@ -135,6 +132,7 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
             let longest = Duration::from_nanos(left as u64);
             match self.stream.next(longest) {
                 Ok(StreamedPicture { sequence, filled, pixels }) => {
+                    self.times_are_starts = filled.at_start && filled.is_monotonic;
                     let t_mid = self.middle_of(&filled);
                     return Ok(CapturedFrame { sequence, t_mid, exposure: self.told, pixels });
                 }
@@ -160,8 +158,37 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
         Ok(taken)
     }
 
-    fn rig(&self) -> Option<crate::model::rig::Rig> {
-        None
+    /// A guess of the lens: 60 degrees wide, no distortion. Tags and ball are not known.
+    fn rig(&self) -> Option<Rig> {
+        let (width, height) = self.size();
+        let focal = 0.5 * width as f64 / GUESSED_HALF_WIDTH.tan();
+        let lens = Lens {
+            width: width as u32,
+            height: height as u32,
+            fx: focal,
+            fy: focal,
+            cx: 0.5 * width as f64,
+            cy: 0.5 * height as f64,
+            distortion: Distortion::None,
+        };
+        Some(Rig { lens, tags: Vec::new(), ball: None })
+    }
+}
+
+impl<N: VideoNode> ExposureControl for V4l2Camera<N> {
+    fn write_exposure(&mut self, wish: Exposure) -> Result<Exposure, DeviceError> {
+        let Some(manual) = &self.exposure else { return Ok(self.told) };
+        self.told =
+            manual.set(self.stream.node(), wish).map_err(|e| failed(&self.device, "set its exposure", e))?;
+        Ok(self.told)
+    }
+
+    fn can_be_written(&self) -> bool {
+        self.exposure.is_some()
+    }
+
+    fn times_are_starts(&self) -> bool {
+        self.times_are_starts
     }
 }
 

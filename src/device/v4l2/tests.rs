@@ -4,6 +4,7 @@ use super::node::{
 };
 use super::*;
 use crate::ErrorKind;
+use crate::bracketed::ExposureControl;
 use crate::clock::ManualClock;
 use crate::developed::CaptureSource;
 use crate::model::{frame::Exposure, time::Timestamp};
