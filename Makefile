@@ -1,6 +1,7 @@
 # make demo and make test work on a fresh Debian 12 with apt; they install what is missing, Rust too.
 
-BUILD_PACKAGES := build-essential pkg-config
+# libclang reads the kernel's headers for the V4L2 bindings.
+BUILD_PACKAGES := build-essential pkg-config libclang-dev
 # Only where there is no cargo: rustup's is used where it is.
 RUST_PACKAGES := rustc-web cargo-web ca-certificates
 # A shell that was opened before rustup does not know its folder yet.

@@ -19,13 +19,13 @@ pub struct OpenedDevices {
 }
 
 /// What stands before the colon of a camera's name.
-pub const SCHEMES: [&str; 3] = ["synthetic", "replay", "v4l2"];
+pub const SCHEMES: [&str; 4] = ["auto", "synthetic", "replay", "v4l2"];
 /// What stands before the colon of a display's name.
 pub const DISPLAYS: [&str; 1] = ["null"];
 /// Names of command links.
 pub const LINKS: [&str; 1] = ["stdio"];
 
-/// Opens `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`,
+/// Opens `auto` (the best camera there is), `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`,
 /// `v4l2:/dev/video0,..` (see `v4l2::V4l2Options`) or a path that begins with `/dev/video` or `/dev/v4l`.
 /// `Refused` for anything else, with what is known and what comes nearest.
 pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
@@ -49,13 +49,15 @@ pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
         }
         #[cfg(feature = "v4l2")]
         "v4l2" => open_v4l2(rest),
+        #[cfg(feature = "v4l2")]
+        "auto" if rest.is_empty() => open_v4l2(""),
         #[cfg(not(feature = "v4l2"))]
-        "v4l2" => {
+        "v4l2" | "auto" => {
             let action = "this program was built without V4L2 (feature v4l2)";
             Err(DeviceError::new(name, action, ErrorKind::Refused))
         }
         _ => {
-            let known = "synthetic:key=value,.. | replay:FILE | FILE.mcap | v4l2:/dev/video0";
+            let known = "auto | v4l2:/dev/video0 | synthetic:key=value,.. | replay:FILE | FILE.mcap";
             Err(unknown(name, scheme, &SCHEMES, known))
         }
     }
@@ -108,8 +110,8 @@ mod tests {
     #[test]
     fn unknown_names_are_refused_with_what_is_known() {
         assert!(refusal("synthetik:frames=3").contains("did you mean \"synthetic\"?"));
-        assert!(refusal("/def/video0").contains("Known: synthetic:"));
-        assert!(refusal("").contains("Known: synthetic:"));
+        assert!(refusal("/def/video0").contains("Known: auto"));
+        assert!(refusal("").contains("Known: auto"));
         assert!(refusal("no/such/file.mcap").contains("replay:no/such/file.mcap: open the file"));
         assert!(refusal("synthetic:frame=3").contains("did you mean \"frames\"?"));
     }

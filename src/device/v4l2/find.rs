@@ -1,6 +1,8 @@
 //! From a name to a video node: by its path, by the camera's own name, or the best there is; and to the same camera again when
 //! it was pulled out and plugged in elsewhere.
 
+use super::V4l2Options;
+use super::format::{self, FormatWish};
 use super::node::{EBUSY, NodeFacts, VideoNode};
 use super::sys::KernelNode;
 use crate::{DeviceError, ErrorKind};
@@ -50,9 +52,10 @@ pub fn nodes() -> FoundNodes {
 static OPENED: Mutex<Vec<(String, NodeFacts)>> = Mutex::new(Vec::new());
 
 /// Opens the node that a name means: a path below `/dev`, `card=TEXT` for a part of the camera's own name, or nothing for
-/// the first there is. A camera that was opened before by this name is found again at another number, where its path is gone
+/// the camera with the best offer of pictures. A camera that was opened before by this name is found again at another number, where its path is gone
 /// or leads to another camera now.
-pub fn open(name: &str, wish: &NodeWish) -> Result<(KernelNode, FoundNode), DeviceError> {
+pub fn open(name: &str, options: &V4l2Options) -> Result<(KernelNode, FoundNode), DeviceError> {
+    let (wish, pictures) = (&options.node, &options.wish);
     let device = format!("v4l2:{name}");
     let before = {
         let opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -68,7 +71,7 @@ pub fn open(name: &str, wish: &NodeWish) -> Result<(KernelNode, FoundNode), Devi
                 DeviceError::new(&device, action, ErrorKind::Reopen)
             })?
         }
-        (NodeWish::Card(_) | NodeWish::Any, None) => named(&device, wish)?,
+        (NodeWish::Card(_) | NodeWish::Any, None) => named(&device, wish, pictures)?,
     };
     let node = KernelNode::open(&path).map_err(|e| refusal(&device, &path, e))?;
     let facts = node.facts().map_err(|e| refusal(&device, &path, e))?;
@@ -91,9 +94,9 @@ pub fn open(name: &str, wish: &NodeWish) -> Result<(KernelNode, FoundNode), Devi
 pub enum NodeWish {
     /// This one.
     Path(PathBuf),
-    /// The first whose card has this text in its name.
+    /// The best whose card has this text in its name.
     Card(String),
-    /// The first.
+    /// The best there is.
     Any,
 }
 
@@ -101,13 +104,23 @@ fn is_same(path: &Path, before: &NodeFacts) -> bool {
     KernelNode::open(path).and_then(|node| node.facts()).is_ok_and(|now| now.card == before.card)
 }
 
-fn named(device: &str, wish: &NodeWish) -> Result<PathBuf, DeviceError> {
+/// Points of a camera's best offer.
+fn points(path: &Path, wish: &FormatWish) -> Option<f64> {
+    let offers = KernelNode::open(path).and_then(|node| node.offers()).ok()?;
+    format::best(&offers, wish).map(|(_, points)| points)
+}
+
+fn named(device: &str, wish: &NodeWish, pictures: &FormatWish) -> Result<PathBuf, DeviceError> {
     let found = nodes();
     let is_meant = |camera: &&FoundNode| match wish {
         NodeWish::Card(text) => camera.facts.card.contains(text.as_str()),
         _ => true,
     };
-    if let Some(camera) = found.cameras.iter().find(is_meant) {
+    let mut meant: Vec<(&FoundNode, f64)> =
+        found.cameras.iter().filter(is_meant).filter_map(|c| Some((c, points(&c.path, pictures)?))).collect();
+    // Of equals the lower number: the sort keeps their order.
+    meant.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    if let Some((camera, _)) = meant.first() {
         return Ok(camera.path.clone());
     }
     let there: Vec<String> = found

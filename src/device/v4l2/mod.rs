@@ -80,7 +80,7 @@ impl V4l2Options {
 /// Opens the camera that a name means (see [`V4l2Options::parse`]) and starts it.
 pub fn open(text: &str, clock: Arc<dyn Clock>) -> Result<V4l2Camera<sys::KernelNode>, DeviceError> {
     let options = V4l2Options::parse(text)?;
-    let (node, found) = find::open(text, &options.node)?;
+    let (node, found) = find::open(text, &options)?;
     let device = format!("v4l2:{}", found.path.display());
     V4l2Camera::start(&device, node, &options.wish, clock)
 }

@@ -1,5 +1,6 @@
 //! `halflight devices`: what is at hand?
 
+use super::video_devices::ListedCameras;
 use super::{CliError, GlobalOptions};
 use crate::daemon::engines::gpu;
 use crate::engine::{Engine, cpu::CpuEngine, gpu::Backend};
@@ -15,6 +16,7 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
         engines.push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
+    let cameras = ListedCameras::look();
     if global.json {
         let engines: Vec<_> = engines
             .iter()
@@ -27,7 +29,7 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
             .collect();
         println!(
             "{}",
-            serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "engines": engines })
+            serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "video": cameras.json(), "engines": engines })
         );
         return Ok(());
     }
@@ -35,6 +37,8 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     for (name, effect) in CAMERAS {
         println!("  {name:<24}{effect}");
     }
+    println!("cameras of the kernel (V4L2)");
+    cameras.print();
     println!("engines");
     for (name, found) in engines {
         match found {
@@ -46,7 +50,9 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
 }
 
 /// What `device.camera` may name.
-const CAMERAS: [(&str, &str); 2] = [
+const CAMERAS: [(&str, &str); 4] = [
+    ("auto", "the best camera of those below: the default"),
+    ("v4l2:/dev/video0", "a camera of the kernel; also v4l2:card=TEXT; with size=640x480,fps=30,format=YUYV"),
     ("synthetic:OPTIONS", "a virtual room with known truth, e.g. synthetic:frames=90,seed=1,size=640x480"),
     ("replay:FILE.mcap", "a recording made by `halflight record` or `halflight synth`"),
 ];

@@ -27,6 +27,7 @@ pub mod synth;
 pub mod tags;
 pub mod trace;
 pub mod tradeoff;
+mod video_devices;
 
 pub use error::CliError;
 pub use global_options::GlobalOptions;

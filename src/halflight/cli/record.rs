@@ -44,12 +44,14 @@ impl Coding {
 pub const LONG_ABOUT: &str = "\
 Record a device to an MCAP file: its pictures, its inertial samples, and what it knows of lens, tags and \
 ball.\n\n\
-Example: halflight record synthetic:frames=30,seed=4 --out room.mcap --png";
+Examples:\n\n\
+  halflight record synthetic:frames=30,seed=4 --out room.mcap --png\n\
+  halflight record v4l2:/dev/video0 --seconds 10 --out desk.mcap";
 
 /// Arguments of `halflight record`.
 #[derive(clap::Args, Debug)]
 pub struct RecordArguments {
-    /// The device, e.g. synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
+    /// The device, e.g. v4l2:/dev/video0, auto, synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
     device: OsString,
     /// The recording to write (MCAP).
     #[arg(long, value_name = "FILE.mcap")]
@@ -60,6 +62,9 @@ pub struct RecordArguments {
     /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
+    /// Exposure times that a camera goes through in turn, seconds, e.g. 0.001,0.004,0.016 (default: camera.exposures_s).
+    #[arg(long, value_name = "S,S,..", value_delimiter = ',')]
+    exposures_s: Vec<f64>,
     /// Replace a recording that is there.
     #[arg(long)]
     force: bool,
@@ -151,6 +156,11 @@ pub fn pump(
             Ok(frame) => frame,
             Err(error) if error.kind == ErrorKind::Again && clock.now() < patience => continue,
             Err(error) if error.kind == ErrorKind::Ended => break,
+            // What was recorded before the device went away is worth keeping.
+            Err(error) if error.kind == ErrorKind::Reopen && seen.frames > 0 => {
+                tracing::warn!("the recording ends here: {error}");
+                break;
+            }
             Err(error) => return Err(error.into()),
         };
         patience = clock.now().plus_seconds(PATIENCE_S);
@@ -237,6 +247,17 @@ fn replayed(device: &str) -> PathBuf {
     crate::device::replay::ReplayOptions::parse(rest).map(|o| o.path).unwrap_or_default()
 }
 
+/// The exposures that a camera is asked for.
+fn exposures(arguments: &RecordArguments, global: &GlobalOptions) -> Result<Vec<Exposure>, CliError> {
+    let settings = global.settings(None)?;
+    let given = &arguments.exposures_s;
+    if let Some(bad) = given.iter().find(|s| !(20e-6..=1.0).contains(*s)) {
+        return Err(CliError::on(format!("--exposures-s {bad}"), "must be within 0.00002..=1 s"));
+    }
+    let times = if given.is_empty() { &settings.exposures_s } else { given };
+    Ok(times.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect())
+}
+
 /// The limits that were asked for.
 fn settings(arguments: &RecordArguments) -> String {
     let frames = arguments.frames.map(|n| format!("frames={n}"));
@@ -259,7 +280,12 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
     }
     refuse_existing(&a.out, a.force)?;
-    let opened = open::open(&device)?;
+    let mut opened = open::open(&device)?;
+    if !opened.frames.delivers_at_once() {
+        let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
+        let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();
+        tracing::info!("exposures in turn: {} s", times.join(", "));
+    }
     let setup = Setup {
         rig: opened.frames.rig(),
         response: opened.frames.response(),

@@ -73,7 +73,7 @@ pub const KEYS: &[Key] = &[
         "device.camera",
         "",
         Range::Text,
-        "Where frames come from: \"synthetic:frames=90,seed=1\", \"replay:FILE.mcap\".",
+        "Where frames come from: \"auto\" = the best camera there is, \"v4l2:/dev/video0,size=640x480,fps=30\", \"v4l2:card=TEXT\", \"synthetic:frames=90,seed=1\" = a virtual room, \"replay:FILE.mcap\".",
         |s| word(&s.camera),
         |s, v| s.camera = text(v)
     ),

@@ -112,7 +112,7 @@ pub enum GrayWeights {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            camera: "synthetic:".into(),
+            camera: "auto".into(),
             mode: RunMode::Realtime,
             frames: 0,
             display: String::new(),

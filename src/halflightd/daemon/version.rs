@@ -9,5 +9,5 @@ pub const LONG: &str = concat!(
     " (",
     env!("HALFLIGHT_BUILT_FROM"),
     ")\nfeatures: mcap (lz4, zstd), png, jpeg, radiance, gltf, apriltag; the tool reads openexr, too\n",
-    "backends: cpu, gpu on vulkan, gpu on gl (3.1 or GLES 3.1)\ncameras: synthetic, replay"
+    "backends: cpu, gpu on vulkan, gpu on gl (3.1 or GLES 3.1)\ncameras: v4l2, synthetic, replay"
 );
