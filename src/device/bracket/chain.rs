@@ -157,7 +157,12 @@ const MOST_UNREST: f64 = 0.12;
 
 impl Chain {
     pub fn new(capacity: usize) -> Self {
-        Self { entries: Vec::with_capacity(capacity + 2), decided: None, unrest: LEAST_UNREST, offsets: Offsets::new() }
+        Self {
+            entries: Vec::with_capacity(capacity + 2),
+            decided: None,
+            unrest: LEAST_UNREST,
+            offsets: Offsets::new(),
+        }
     }
 
     pub fn clear(&mut self) {
@@ -282,12 +287,14 @@ impl Chain {
             }
             let adjacent = entry.sequence == before.sequence + 1;
             if sure && decided.joined && adjacent {
-                let number = entry.first + finding.state as u64;
-                if number > before.first + decided.state as u64 {
+                // A write of the exposure that was in force already arrives unseen, and teaches nothing.
+                let shows = |log: f64| (log - before.log[decided.state]).abs() > SAME;
+                if shows(finding.log) {
                     delays.saw(entry.after_sequence[finding.state], entry.sequence, true);
                 }
-                if finding.state + 1 < entry.count {
-                    delays.saw(entry.after_sequence[finding.state + 1], entry.sequence, false);
+                let next = finding.state + 1;
+                if next < entry.count && (entry.log[next] - finding.log).abs() > SAME {
+                    delays.saw(entry.after_sequence[next], entry.sequence, false);
                 }
             }
             self.entries.remove(0);

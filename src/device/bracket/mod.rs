@@ -24,6 +24,8 @@ pub mod thumbnail;
 mod writes;
 
 #[cfg(test)]
+mod plan_tests;
+#[cfg(test)]
 mod soak_tests;
 #[cfg(test)]
 mod tests;
@@ -32,8 +34,8 @@ use crate::model::{frame::Exposure, time::Timestamp};
 use chain::{Chain, Entry, Finding};
 use halflight_math::dice;
 use shape::Shapes;
-use stated::Stated;
 pub use stated::Belief;
+use stated::Stated;
 use std::collections::VecDeque;
 pub use thumbnail::{Thumbnail, ThumbnailReader};
 use writes::{Delays, Writes};
@@ -310,7 +312,8 @@ impl Scheduler {
     /// Takes a frame that is newer than all; returns what is known at once.
     fn take(&mut self, seen: &FrameSeen<'_>) -> Option<Attribution> {
         if let Some((newest, _)) = self.newest {
-            self.report.lost += (seen.sequence - newest).saturating_sub(1);
+            let missing = (seen.sequence - newest).saturating_sub(1);
+            self.report.lost = self.report.lost.saturating_add(missing);
         }
         self.newest = Some((seen.sequence, seen.t));
         self.newest_seen.clone_from(seen.thumbnail);

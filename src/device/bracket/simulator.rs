@@ -140,8 +140,7 @@ impl SimulatedCamera {
         dice.bits();
         let response = Response::srgb();
         let ln_x = |k: usize| TABLE_FROM + (TABLE_TO - TABLE_FROM) * k as f64 / TABLE as f64;
-        let table =
-            (0..TABLE).map(|k| response.value_of(1, ln_x(k).exp() as f32).round() as u8).collect();
+        let table = (0..TABLE).map(|k| response.value_of(1, ln_x(k).exp() as f32).round() as u8).collect();
         // A 5 ms exposure sees the middle of the scene at a fifth of white.
         let blocks: [f64; BLOCKS] = std::array::from_fn(|_| 40.0 * dice.between(-2.5, 2.5).exp());
         let block_of = |k: usize| k / (2 * WIDTH) * COLUMNS + k % WIDTH / 2;
