@@ -322,7 +322,7 @@ impl Scheduler {
         };
         let stated = seen.stated.map(|e| e.effective_s().ln()).filter(|log| log.is_finite());
         let entry = Entry::new(seen.sequence, level, stated, &self.writes);
-        self.chain.push(entry, &self.delays, self.stated.is_believed());
+        self.chain.push(entry, &self.delays);
         None
     }
 
@@ -356,7 +356,8 @@ impl Scheduler {
         let grounded = (finding.joined && finding.proven) || by_metadata || one_exposure;
         // Light that changes with a frame looks like another exposure until the next one comes.
         let waited = self.chain.waiting() > 1 || by_metadata;
-        let sure = known && grounded && waited && finding.margin >= SURE;
+        let support = if by_metadata { stated::SUPPORT } else { 0.0 };
+        let sure = known && grounded && waited && finding.margin + support >= SURE;
         if !sure && self.chain.waiting() <= LONGEST_WAIT {
             return None;
         }
@@ -376,7 +377,7 @@ impl Scheduler {
     }
 
     fn judge_metadata(&mut self, agrees: bool, finding: &Finding) {
-        if agrees && finding.margin >= SURE {
+        if agrees && finding.margin >= stated::CONTRADICTED {
             self.stated.agreed();
         } else if !agrees && finding.margin >= stated::CONTRADICTED {
             self.stated.contradicted();
