@@ -4,11 +4,10 @@
 //! [`Scheduler`] says what to write next, takes each frame as a [`Thumbnail`], and tells its exposure a few frames later, or
 //! that nobody can know. It is pure: no clock, no device; `simulator` has a camera with every fault to try it on.
 //!
-//! **Method.** A frame's level is the median over blocks of ln (light seen / light of the scene so far); it equals ln exposure
-//! + ln light + a constant. Over frames, [`Scheduler`] compares all sequences of writes that may have been in force
-//! (`chain`): delays cost by how rare they have been, changes of light by how large they are. A frame is
-//! [`Attribution::Sure`] where every sequence with another exposure is worse by [`SURE`] in -ln probability, and a frame
-//! of another exposure saw the same light.
+//! **Method.** A frame's level is the median over blocks of ln (light seen / light of the scene so far): the sum of ln exposure,
+//! ln light and a constant. The scheduler compares all sequences of writes that may have been in force (`chain`): delays cost
+//! by how rare they have been, changes of light by how large they are. A frame is [`Attribution::Sure`] where every sequence
+//! with another exposure is worse by [`SURE`] in -ln probability, and a frame of another exposure saw the same light.
 //!
 //! **What cannot be told.** Light that changes everywhere by just the ratio of two exposures, for one frame, where delays vary
 //! so much that both exposures are to be expected: that picture is the other exposure's, to the bit. Spacings that are not

@@ -55,10 +55,14 @@ fn delays_are_measured_and_followed() {
         assert_eq!(tally.wrong, 0);
         assert!(report.delays[delay as usize] > 0.95, "{delay}: {:?}", report.delays);
     }
-    let (_, report) = run(50, &uvc(), &cycle, 2000);
-    // A write that is late is mostly overtaken by the next one, and never seen.
-    let [at_once, _, two, three, four, five, ..] = report.delays;
-    assert!(at_once < 1e-3 && two > 0.8 && three + four > 0.01 && five < 0.01, "{:?}", report.delays);
+    for seed in 50..55 {
+        let report = run(seed, &uvc(), &cycle, 2000).1;
+        // A late write is mostly overtaken by the next one, and never seen. A write of the same exposure, three later, is now and
+        // then taken for it; that changes no attribution.
+        let [at_once, one, two, three, four, others @ ..] = report.delays;
+        let impossible = at_once + one + others.iter().sum::<f64>();
+        assert!(two > 0.8 && three + four > 0.01 && impossible < 0.05, "{:?}", report.delays);
+    }
 }
 
 #[test]
