@@ -8,8 +8,14 @@ mod sys;
 use glam::{DVec3, Vec3};
 use halflight::config::Settings;
 use halflight::daemon::{host::Host, prepare::prepare};
+use halflight::device::bracket::{
+    FrameSeen, Scheduler,
+    simulator::{Faults, SimulatedCamera},
+    thumbnail::Thumbnail,
+};
 use halflight::math::{lens::Lens, pose::Pose};
 use halflight::model::{
+    frame::Exposure,
     room::{Face, Room, RoomSun, RoomSurface},
     time::Timestamp,
 };
@@ -40,6 +46,7 @@ fn frames_in_steady_state_allocate_only_in_libraries() {
         frames_of_the_pipeline(&settings);
     }
     choosing_near_light();
+    bracketing();
     for threads in [1, 2, 3, 5] {
         for start in [0, 9, 17] {
             frames_of_near_light(threads, start);
@@ -196,4 +203,27 @@ fn frames_of_near_light(threads: usize, start: usize) {
         }
     });
     assert_eq!(lit, quality.lights);
+}
+
+/// The scheduler of exposures, from its first frame on.
+fn bracketing() {
+    let cycle = [0.001, 0.004, 0.016].map(|time_s| Exposure { time_s, gain: 1.0 });
+    let faults =
+        Faults { delay: (1, 4), jitter: 0.3, twice: 0.05, lost: 0.05, lamp: 0.01, ..Faults::default() };
+    let mut camera = SimulatedCamera::new(3, faults);
+    let mut scheduler = Scheduler::new(&cycle).unwrap();
+    let mut thumbnail = Thumbnail::default();
+    let counted = sys::allocated(|| {
+        for _ in 0..500 {
+            let frame = camera.next(&mut thumbnail);
+            let (sequence, t, stated) = (frame.sequence, frame.t, frame.stated);
+            scheduler.frame(FrameSeen { sequence, t, stated, thumbnail: &thumbnail });
+            while scheduler.settled().is_some() {}
+            if let Some(asked) = scheduler.next_write(sequence) {
+                scheduler.written(asked, camera.write(asked), sequence);
+            }
+        }
+    });
+    assert_eq!(counted.ours, 0, "{counted}");
+    assert!(scheduler.report().sure > 300);
 }

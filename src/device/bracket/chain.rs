@@ -1,8 +1,8 @@
 //! Which write was in force at which frame: a hidden Markov chain over the frames that could be measured.
 //!
-//! The state of a frame is the number of the write in force. Costs are -ln probability: of the write's delay ([`Delays`]), of
-//! the light's change between two frames, which follows from both states and both levels, and of contradicting metadata that
-//! is believed. A frame's margin is by how much the best path through any other exposure costs more than the best of all.
+//! The state of a frame is the number of the write in force. Costs are -ln probability: of the write's delay ([`Delays`]), and
+//! of the light's change between two frames, which follows from both states and both levels. Metadata has no part in it, so that
+//! the pictures can contradict it. A frame's margin is by how much the best path through any other exposure costs more than the best of all.
 
 use super::offsets::Offsets;
 use super::shape::Level;
@@ -15,8 +15,6 @@ pub(super) const STATES: usize = 12;
 const JUMP: f64 = 14.0;
 /// Two frames up to this cost of light are joined: one light, three sigma.
 const JOINED: f64 = 4.5;
-/// Cost of a frame whose metadata is believed and wrong.
-const STATED_WRONGLY: f64 = 14.0;
 /// Exposures nearer than this, ln, are one.
 pub(super) const SAME: f64 = 0.02;
 /// The margin from which a frame tells of its exposure's truth.
@@ -116,13 +114,6 @@ impl Entry {
             self.next_waits[k] = if k + 1 < self.count { -ln(k + 1) } else { 0.0 };
         }
     }
-
-    fn stated_cost(&self, k: usize, believed: bool) -> f64 {
-        match self.stated {
-            Some(stated) if believed && !((stated - self.log[k]).abs() <= SAME) => STATED_WRONGLY,
-            _ => 0.0,
-        }
-    }
 }
 
 /// Cost of the change of light between two frames of these states; `None` where nothing is known of it.
@@ -193,28 +184,24 @@ impl Chain {
     }
 
     /// Adds a frame, newer than all others.
-    pub fn push(&mut self, mut entry: Entry, delays: &Delays, believed: bool) {
+    pub fn push(&mut self, mut entry: Entry, delays: &Delays) {
         if let Some(before) = self.entries.last() {
             entry.set_delays(before.sequence, delays);
             for k in 0..entry.count {
                 let paths = (0..before.count)
                     .map(|i| before.alpha[i] + transition(before, i, &entry, k, self.unrest));
-                entry.alpha[k] = paths.fold(f64::INFINITY, f64::min) + entry.stated_cost(k, believed);
+                entry.alpha[k] = paths.fold(f64::INFINITY, f64::min);
             }
             let least = entry.alpha[..entry.count].iter().copied().fold(f64::INFINITY, f64::min);
             let least = if least.is_finite() { least } else { 0.0 };
             entry.alpha[..entry.count].iter_mut().for_each(|alpha| *alpha -= least);
-        } else {
-            for k in 0..entry.count {
-                entry.alpha[k] = entry.stated_cost(k, believed);
-            }
         }
         self.entries.push(entry);
-        self.look_back(believed);
+        self.look_back();
     }
 
     /// Fills in beta of all waiting frames.
-    fn look_back(&mut self, believed: bool) {
+    fn look_back(&mut self) {
         let from = usize::from(self.decided.is_some());
         if let Some(last) = self.entries.last_mut() {
             last.beta = [0.0; STATES];
@@ -225,7 +212,7 @@ impl Chain {
             for i in 0..a.count {
                 let mut best = (f64::INFINITY, 0);
                 for k in 0..b.count {
-                    let cost = transition(a, i, b, k, self.unrest) + b.stated_cost(k, believed) + b.beta[k];
+                    let cost = transition(a, i, b, k, self.unrest) + b.beta[k];
                     if cost < best.0 {
                         best = (cost, k);
                     }
@@ -287,12 +274,14 @@ impl Chain {
             }
             let adjacent = entry.sequence == before.sequence + 1;
             if sure && decided.joined && adjacent {
-                let number = entry.first + finding.state as u64;
-                if number > before.first + decided.state as u64 {
+                // A write of the exposure that was in force already arrives unseen, and teaches nothing.
+                let shows = |log: f64| (log - before.log[decided.state]).abs() > SAME;
+                if shows(finding.log) {
                     delays.saw(entry.after_sequence[finding.state], entry.sequence, true);
                 }
-                if finding.state + 1 < entry.count {
-                    delays.saw(entry.after_sequence[finding.state + 1], entry.sequence, false);
+                let next = finding.state + 1;
+                if next < entry.count && (entry.log[next] - finding.log).abs() > SAME {
+                    delays.saw(entry.after_sequence[next], entry.sequence, false);
                 }
             }
             self.entries.remove(0);

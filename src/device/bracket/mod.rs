@@ -4,11 +4,10 @@
 //! [`Scheduler`] says what to write next, takes each frame as a [`Thumbnail`], and tells its exposure a few frames later, or
 //! that nobody can know. It is pure: no clock, no device; `simulator` has a camera with every fault to try it on.
 //!
-//! **Method.** A frame's level is the median over blocks of ln (light seen / light of the scene so far); it equals ln exposure
-//! + ln light + a constant. Over frames, [`Scheduler`] compares all sequences of writes that may have been in force
-//! (`chain`): delays cost by how rare they have been, changes of light by how large they are. A frame is
-//! [`Attribution::Sure`] where every sequence with another exposure is worse by [`SURE`] in -ln probability, and a frame
-//! of another exposure saw the same light.
+//! **Method.** A frame's level is the median over blocks of ln (light seen / light of the scene so far): the sum of ln exposure,
+//! ln light and a constant. The scheduler compares all sequences of writes that may have been in force (`chain`): delays cost
+//! by how rare they have been, changes of light by how large they are. A frame is [`Attribution::Sure`] where every sequence
+//! with another exposure is worse by [`SURE`] in -ln probability, and a frame of another exposure saw the same light.
 //!
 //! **What cannot be told.** Light that changes everywhere by just the ratio of two exposures, for one frame, where delays vary
 //! so much that both exposures are to be expected: that picture is the other exposure's, to the bit. Spacings that are not
@@ -23,6 +22,8 @@ mod stated;
 pub mod thumbnail;
 mod writes;
 
+#[cfg(test)]
+mod plan_tests;
 #[cfg(test)]
 mod soak_tests;
 #[cfg(test)]
@@ -310,7 +311,8 @@ impl Scheduler {
     /// Takes a frame that is newer than all; returns what is known at once.
     fn take(&mut self, seen: &FrameSeen<'_>) -> Option<Attribution> {
         if let Some((newest, _)) = self.newest {
-            self.report.lost += (seen.sequence - newest).saturating_sub(1);
+            let missing = (seen.sequence - newest).saturating_sub(1);
+            self.report.lost = self.report.lost.saturating_add(missing);
         }
         self.newest = Some((seen.sequence, seen.t));
         self.newest_seen.clone_from(seen.thumbnail);
@@ -319,7 +321,7 @@ impl Scheduler {
         };
         let stated = seen.stated.map(|e| e.effective_s().ln()).filter(|log| log.is_finite());
         let entry = Entry::new(seen.sequence, level, stated, &self.writes);
-        self.chain.push(entry, &self.delays, self.stated.is_believed());
+        self.chain.push(entry, &self.delays);
         None
     }
 
@@ -353,7 +355,8 @@ impl Scheduler {
         let grounded = (finding.joined && finding.proven) || by_metadata || one_exposure;
         // Light that changes with a frame looks like another exposure until the next one comes.
         let waited = self.chain.waiting() > 1 || by_metadata;
-        let sure = known && grounded && waited && finding.margin >= SURE;
+        let support = if by_metadata { stated::SUPPORT } else { 0.0 };
+        let sure = known && grounded && waited && finding.margin + support >= SURE;
         if !sure && self.chain.waiting() <= LONGEST_WAIT {
             return None;
         }
@@ -373,7 +376,7 @@ impl Scheduler {
     }
 
     fn judge_metadata(&mut self, agrees: bool, finding: &Finding) {
-        if agrees && finding.margin >= SURE {
+        if agrees && finding.margin >= stated::CONTRADICTED {
             self.stated.agreed();
         } else if !agrees && finding.margin >= stated::CONTRADICTED {
             self.stated.contradicted();

@@ -198,11 +198,11 @@ impl SimulatedCamera {
     pub fn next(&mut self, thumbnail: &mut Thumbnail) -> SimulatedFrame {
         loop {
             // A frame that is to be overtaken waits for the one behind it.
-            if self.ready.len() > usize::from(self.faults.reordered > 0.0) {
-                if let Some((frame, small)) = self.ready.pop_front() {
-                    thumbnail.clone_from(&small);
-                    return frame;
-                }
+            if self.ready.len() > usize::from(self.faults.reordered > 0.0)
+                && let Some((frame, small)) = self.ready.pop_front()
+            {
+                thumbnail.clone_from(&small);
+                return frame;
             }
             self.expose(thumbnail);
         }

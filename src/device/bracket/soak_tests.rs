@@ -58,9 +58,7 @@ pub(super) fn run(seed: u64, faults: &Faults, cycle: &[Exposure], frames: u64) -
                     let error = (exposure.effective_s() / truth.effective_s()).ln().abs();
                     if !(error < WRONG) {
                         tally.wrong += 1;
-                        if std::env::var("BRACKET_SHOW").is_ok() {
-                            println!("wrong: seed {seed} frame {} {exposure:?} {truth:?}", settled.sequence);
-                        }
+                        println!("wrong: seed {seed} frame {} {exposure:?} {truth:?}", settled.sequence);
                     }
                 }
                 Attribution::Unsure(why) => tally.reasons[why as usize] += 1,
@@ -85,7 +83,7 @@ fn kinds() -> Vec<(&'static str, Faults, f64)> {
         ("delay of 6", Faults { delay: (6, 6), ..sound.clone() }, 0.9),
         ("delay of 0", Faults { delay: (0, 0), ..sound.clone() }, 0.9),
         ("like uvcvideo", uvc.clone(), 0.9),
-        ("delays of 0 to 6", wild.clone(), 0.9),
+        ("delays of 0 to 6", wild.clone(), 0.7),
         ("lost", Faults { lost: 0.05, ..uvc.clone() }, 0.9),
         ("twice", Faults { twice: 0.05, ..uvc.clone() }, 0.9),
         ("reordered", Faults { reordered: 0.05, ..uvc.clone() }, 0.9),
@@ -134,9 +132,10 @@ fn cycles() -> [Vec<Exposure>; 3] {
 fn no_frame_is_given_a_wrong_exposure() {
     let soak = std::env::var_os("HALFLIGHT_SOAK").is_some_and(|value| value == "1");
     let kinds = kinds();
-    let all: u64 = if soak { 1_000_000 } else { 60_000 };
+    let all: u64 = if soak { 1_010_000 } else { 60_000 };
     let seeds: u64 = if soak { 4 } else { 1 };
-    let base: u64 = std::env::var("BRACKET_SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
+    // The soak's seeds are others than those the method was made with.
+    let base = if soak { 91_000 } else { 1_000 };
     let frames = all.div_ceil(seeds * (kinds.len() * cycles().len()) as u64);
     let mut total = Tally::default();
     let mut poor = Vec::new();
@@ -144,7 +143,7 @@ fn no_frame_is_given_a_wrong_exposure() {
         let mut of_kind = Tally::default();
         for seed in 0..seeds {
             for (k, cycle) in cycles().iter().enumerate() {
-                let (tally, _) = run(base * 1000 + seed * 10 + k as u64, faults, cycle, frames);
+                let (tally, _) = run(base + seed * 10 + k as u64, faults, cycle, frames);
                 for sum in [&mut of_kind, &mut total] {
                     sum.frames += tally.frames;
                     sum.sure += tally.sure;

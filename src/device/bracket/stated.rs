@@ -2,7 +2,9 @@
 
 /// Agreements in a row before metadata is believed for the first time.
 const PROOF: u64 = 100;
-/// The margin from which a picture contradicts what is stated of it.
+/// What metadata that is believed adds to the margin of an exposure that it states.
+pub(super) const SUPPORT: f64 = 14.0;
+/// The margin from which a picture confirms or contradicts what is stated of it.
 pub(super) const CONTRADICTED: f64 = 8.0;
 /// Contradictions after which metadata counts as lying.
 const LIES: u64 = 3;

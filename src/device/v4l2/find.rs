@@ -16,7 +16,7 @@ const MOST_NODES: usize = 64;
 /// A video node that captures pictures.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundNode {
-    /// Its path.
+    /// Its node below `/dev`.
     pub path: PathBuf,
     /// Who it is.
     pub facts: NodeFacts,
