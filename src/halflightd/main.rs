@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const AFTER_HELP: &str = "\
-Without arguments it draws a synthetic room, and says where its newest picture is.
+Without arguments it looks for a camera until there is one, and says where its newest picture is; a virtual room instead:
+--set 'device.camera=\"synthetic:\"'.
 Signals: INT and TERM end it after the picture it is at; HUP reads the settings file again.
 Exit status: 0 ended, 2 bad settings or usage, 3 a device or an engine failed.
 HALFLIGHT_LOG=LEVEL or MODULE=LEVEL,.. chooses the lines of its log (error, warn, info, debug, trace); -v and -q win.";
@@ -99,8 +100,8 @@ fn first_look(settings: &Settings) -> Option<PathBuf> {
     };
     log::tell(format_args!(
         "halflightd: no settings are named (--config FILE, --set KEY=VALUE; --help)\n\
-         halflightd: it draws {}, its built-in room: {place}\n\
-         halflightd: it waits for no device, and ends by itself; Ctrl-C (SIGINT) or SIGTERM stops it before",
+         halflightd: it looks for a camera (device.camera = \"{}\": all of /dev/video*) and waits until there is one: {place}\n\
+         halflightd: Ctrl-C (SIGINT) or SIGTERM ends it; no camera at hand: --set 'device.camera=\"synthetic:\"'",
         settings.camera
     ));
     Some(file)

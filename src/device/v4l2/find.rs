@@ -132,7 +132,7 @@ fn named(device: &str, wish: &NodeWish, pictures: &FormatWish) -> Result<PathBuf
     let there = if there.is_empty() { "no /dev/video*".to_owned() } else { there.join(", ") };
     let action = match wish {
         NodeWish::Card(text) => format!("no camera with \"{text}\" in its name; there is {there}"),
-        _ => format!("no camera; there is {there}"),
+        _ => format!("no camera; there is {there}; connect one, or name another source (device.camera)"),
     };
     Err(DeviceError::new(device, action, ErrorKind::Reopen))
 }

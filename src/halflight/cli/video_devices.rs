@@ -104,7 +104,8 @@ impl ListedCamera {
                 Some(points) => format!("score {points:6.1}"),
                 None => "not read".to_owned(),
             };
-            let mark = if chosen.is_some_and(|c| std::ptr::eq(c, offer)) { "  <- taken by default" } else { "" };
+            let mark =
+                if chosen.is_some_and(|c| std::ptr::eq(c, offer)) { "  <- taken by default" } else { "" };
             println!(
                 "    {} {:>4}x{:<4} {of}  {} frames/s{mark}",
                 format::shown(offer.fourcc),
@@ -115,7 +116,10 @@ impl ListedCamera {
         }
         for (c, value) in &self.controls {
             let now = value.map_or("?".to_owned(), |value| control::shown_value(c, value));
-            println!("    {:<28} {now}, {}..={} in steps of {}, default {}", c.name, c.least, c.most, c.step, c.default);
+            println!(
+                "    {:<28} {now}, {}..={} in steps of {}, default {}",
+                c.name, c.least, c.most, c.step, c.default
+            );
         }
         if !self.controls.iter().any(|(c, _)| c.id == control::id::EXPOSURE) {
             println!("    its exposure cannot be set: no brackets");

@@ -1,6 +1,7 @@
 //! Where the daemon's pictures go: a display, a folder with every shown picture, or one file with the newest.
 
 use crate::assets::{error::AssetError, pictures};
+use crate::model::image::Rgb8Image;
 use crate::model::{path_text, picture::Picture};
 use crate::pipeline::{
     PipelineError,
@@ -8,11 +9,15 @@ use crate::pipeline::{
     screen::Screen,
     turns::{FinishedFrame, FrameSink},
 };
+use crate::plan::FramePlan;
+use crate::present::hud::Hud;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// The newest picture is written so often at most.
 const NEWEST_EVERY: Duration = Duration::from_millis(500);
+/// Columns and rows of a picture that only says something.
+const SAID_SIZE: [usize; 2] = [640, 480];
 
 /// Writes `frame_000123.png` for every shown picture; without a folder, nothing. A folder that goes away or a disk that is
 /// full does not stop anything: what cannot be written is left out, which is said once.
@@ -40,6 +45,17 @@ impl PictureFolder {
     /// One file with the newest picture.
     pub fn newest(file: PathBuf) -> Self {
         Self { folder: None, newest: Some((file, None)), failures: 0 }
+    }
+
+    /// Where one file has the newest picture: a dark one with these lines, until there is a real one.
+    pub fn say(&mut self, lines: &[String]) {
+        let Some((file, _)) = &self.newest else { return };
+        let mut hud = Hud::default();
+        lines.iter().for_each(|line| hud.note(format_args!("{line}")));
+        let mut picture = Rgb8Image::filled(SAID_SIZE[0], SAID_SIZE[1], [40; 3]);
+        hud.draw(&FramePlan::default(), &mut picture);
+        let written = pictures::save_png(file, &picture);
+        self.note(written);
     }
 
     fn note(&mut self, written: Result<(), AssetError>) {

@@ -160,13 +160,16 @@ pub fn run_daemon(
     let _signals = StopSignals::follow(Arc::clone(&inbox), &asked, || tell_ended(&RunCounts::default()))
         .map_err(|e| system("signals", e))?;
     let _watchdog = Watchdog::start(Arc::clone(&inbox)).map_err(|e| system("the watchdog", e))?;
-    let folder = match newest {
+    let mut folder = match newest {
         Some(file) if settings.pictures_folder.is_empty() => PictureFolder::newest(file),
         _ => PictureFolder::new(&settings.pictures_folder)?,
     };
     // Settings that cannot be met are told before a camera is waited for.
     governor_of(settings)?;
-    let camera = wait_for_camera(&inbox, clock.as_ref(), || open_camera(settings))?;
+    let camera =
+        wait_for_camera(&inbox, clock.as_ref(), &mut |missing| folder.say(&missing_lines(missing)), || {
+            open_camera(settings)
+        })?;
     let Some(camera) = camera else { return Ok(RunCounts::default()) };
     let mut prepared = prepare_with(camera, settings, &Host::default())?;
     prepared.pipeline = prepared.pipeline.for_pictures_alone();
@@ -234,6 +237,25 @@ fn budget() -> Result<Budget, PipelineError> {
     Budget::of_watchdog(period_s).map_err(|e| PipelineError::Setup(e.to_string()))
 }
 
+/// What a picture says while there is no camera.
+fn missing_lines(error: &DeviceError) -> Vec<String> {
+    let mut lines = vec!["NO CAMERA".to_owned(), String::new()];
+    let text = error.to_string();
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let mut line = String::new();
+    for word in words {
+        if line.len() + word.len() > 74 {
+            lines.push(std::mem::take(&mut line));
+        }
+        line.push_str(word);
+        line.push(' ');
+    }
+    lines.push(line);
+    lines.push(String::new());
+    lines.push("It is looked for again and again: connect one.".to_owned());
+    lines
+}
+
 /// Opens the camera again and again until it is there, with the waits of a lost device. `None`: the daemon was asked to stop
 /// meanwhile.
 ///
@@ -242,6 +264,7 @@ fn budget() -> Result<Budget, PipelineError> {
 fn wait_for_camera(
     inbox: &Inbox,
     clock: &dyn Clock,
+    say: &mut dyn FnMut(&DeviceError),
     mut open: impl FnMut() -> Result<OpenedCamera, DeviceError>,
 ) -> Result<Option<OpenedCamera>, PipelineError> {
     let (mut backoff, began) = (Backoff::default(), clock.now());
@@ -258,6 +281,7 @@ fn wait_for_camera(
             Err(error) if matches!(error.kind, ErrorKind::Reopen | ErrorKind::Again) => {
                 if !std::mem::replace(&mut is_said, true) {
                     tracing::warn!("no camera yet, it is waited for: {error}");
+                    say(&error);
                 }
             }
             Err(error) => return Err(error.into()),
@@ -290,7 +314,7 @@ mod tests {
     fn a_camera_that_is_not_there_at_the_start_is_waited_for() {
         let (inbox, clock) = (Inbox::default(), ManualClock::default());
         let mut opened_at = Vec::new();
-        let camera = wait_for_camera(&inbox, &clock, || {
+        let camera = wait_for_camera(&inbox, &clock, &mut |_| (), || {
             opened_at.push(clock.now().0 / 1_000_000);
             if opened_at.len() < 8 { Err(missing()) } else { synthetic() }
         });
@@ -303,8 +327,8 @@ mod tests {
     fn a_stop_ends_the_wait_and_a_refusal_ends_the_daemon() {
         let (inbox, clock) = (Inbox::default(), ManualClock::default());
         inbox.put_command(Command::Stop).unwrap();
-        assert!(wait_for_camera(&inbox, &clock, || Err(missing())).unwrap().is_none());
+        assert!(wait_for_camera(&inbox, &clock, &mut |_| (), || Err(missing())).unwrap().is_none());
         let refused = || Err(DeviceError::new("camera", "open", ErrorKind::Refused));
-        assert!(wait_for_camera(&inbox, &clock, refused).is_err());
+        assert!(wait_for_camera(&inbox, &clock, &mut |_| (), refused).is_err());
     }
 }
