@@ -23,10 +23,6 @@ pub mod thumbnail;
 mod writes;
 
 #[cfg(test)]
-mod plan_tests;
-#[cfg(test)]
-mod soak_tests;
-#[cfg(test)]
 mod tests;
 
 use crate::model::{frame::Exposure, time::Timestamp};

@@ -1,12 +1,15 @@
-//! The scheduler by single cases; `soak_tests` has the many.
+//! The scheduler by single cases; `soak` has the many.
+
+mod plan;
+mod soak;
 
 use super::simulator::{Faults, Metadata, SimulatedCamera};
-use super::soak_tests::{exposures, run};
 use super::*;
 use crate::hdr::sliding::SlidingMerge;
 use crate::model::{frame::RawFrame, image::Rgb8Image};
 use halflight_math::{dice::Dice, lens::Lens};
 use proptest::prelude::*;
+use soak::{exposures, run};
 use std::sync::Arc;
 
 const CYCLE_S: [f64; 3] = [0.001, 0.004, 0.016];

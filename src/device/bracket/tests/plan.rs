@@ -1,8 +1,8 @@
 //! Plans for scenes whose light is known.
 
-use super::plan::{BadLimits, Limits, Mains, Planner};
-use super::simulator::{Faults, SimulatedCamera};
-use super::*;
+use crate::bracket::plan::{BadLimits, Limits, Mains, Planner};
+use crate::bracket::simulator::{Faults, SimulatedCamera};
+use crate::bracket::*;
 use crate::model::response::Response;
 use proptest::prelude::*;
 

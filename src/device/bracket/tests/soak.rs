@@ -2,8 +2,8 @@
 //!
 //! 60,000 frames by default; a million where the environment says HALFLIGHT_SOAK=1.
 
-use super::simulator::{Faults, Metadata, SimulatedCamera};
-use super::*;
+use crate::bracket::simulator::{Faults, Metadata, SimulatedCamera};
+use crate::bracket::*;
 
 /// An attribution is wrong from this difference on, ln.
 const WRONG: f64 = 0.03;
