@@ -64,8 +64,8 @@ impl Capture {
     fn lags(&self) -> Option<(usize, usize)> {
         let lags = (0..self.seen.len()).filter_map(|place| {
             let wish = exposure_after(place) as u16;
-            let first = self.seen.iter().position(|seen| seen.strip.exposure == wish)?;
-            Some(first - place)
+            // What a stream before this one left in the camera may look the same.
+            self.seen[place + 1..].iter().position(|seen| seen.strip.exposure == wish).map(|later| later + 1)
         });
         let all: Vec<usize> = lags.collect();
         Some((*all.iter().min()?, *all.iter().max()?))

@@ -23,6 +23,10 @@ impl Sensor {
         self.fields.len() * usize::from(self.per_field)
     }
 
+    pub fn is_one_field(&self) -> bool {
+        self.fields.len() == 1
+    }
+
     /// The values with this counter: the first is the counter.
     pub fn by_rule(&self, counter: i16) -> Vec<i16> {
         (0..self.values() as i16)
@@ -48,7 +52,8 @@ fn usage(bytes: &mut Vec<u8>, usage: u16) {
     bytes.extend(usage.to_le_bytes());
 }
 
-/// A collection for each sensor: a feature (its interval), then its values of 16 bits.
+/// A collection for each sensor: its features (interval, state of reports, state of power; the drivers refuse a sensor without
+/// the last), then its values of 16 bits.
 pub fn descriptor() -> Vec<u8> {
     let mut bytes = vec![0x05, 0x20, 0x09, 0x01, 0xa1, 0x01];
     for sensor in &SENSORS {
@@ -56,6 +61,11 @@ pub fn descriptor() -> Vec<u8> {
         bytes.extend([0xa1, 0x00, 0x85, sensor.report]);
         usage(&mut bytes, 0x030e);
         bytes.extend([0x15, 0x00, 0x27, 0xff, 0xff, 0xff, 0x7f, 0x75, 0x20, 0x95, 0x01, 0xb1, 0x02]);
+        bytes.extend([0x25, 0x05, 0x75, 0x08]);
+        for state in [0x0316, 0x0319] {
+            usage(&mut bytes, state);
+            bytes.extend([0xb1, 0x02]);
+        }
         bytes.extend([0x16, 0x00, 0x80, 0x26, 0xff, 0x7f, 0x75, 0x10, 0x95, sensor.per_field]);
         for field in sensor.fields.clone() {
             usage(&mut bytes, field);

@@ -3,7 +3,7 @@
 
 use crate::hidraw::wait_for;
 use crate::hub::{self, SENSORS, Sensor};
-use crate::{sys, uhid::Device};
+use crate::uhid::Device;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -47,13 +47,14 @@ fn start(folder: &Path) -> Result<File, String> {
 
 /// Reads records; each must be what the rule says of its counter, and counters and times must rise.
 fn read(sensor: &Sensor, file: &mut File, count: u32) -> Result<u32, String> {
-    // Each value takes 4 bytes; the time begins at a multiple of 8.
+    // Each value takes 4 bytes, the time the last 8. A record is a multiple of its largest part, and four values of one field
+    // are one part.
     let values = 4 * sensor.values();
-    let mut record = vec![0; values.next_multiple_of(8) + 8];
+    let largest = if sensor.is_one_field() { values } else { 8 };
+    let mut record = vec![0; (values.next_multiple_of(8) + 8).next_multiple_of(largest)];
     let (mut last, mut lost) = (None, 0);
     for place in 0..count {
         file.read_exact(&mut record).map_err(|e| format!("{}: record {place}: {e}", sensor.name))?;
-        // The driver of orientation packs its values as they come; the others have one in each word.
         let word = |at: usize| i32::from_le_bytes([0, 1, 2, 3].map(|k| record[at + k]));
         let found: Vec<i16> = (0..sensor.values()).map(|k| word(4 * k) as i16).collect();
         if found != sensor.by_rule(found[0]) {
@@ -97,13 +98,11 @@ fn life(count: u32) -> Result<u32, String> {
     }
     done.store(true, Ordering::SeqCst);
     feeder.join().map_err(|_| "the hub was refused")?;
-    for (sensor, file) in SENSORS.iter().zip(&files) {
-        // What is left in the buffer may come first.
+    for (sensor, file) in SENSORS.iter().zip(&mut files) {
         wait_for(|| folder(sensor).is_none().then_some(()));
-        let found = sys::ready(file, -1).map_err(|e| format!("{}: {e}", sensor.name))?;
-        if found == 0 {
-            return Err(format!("{}: the hub was pulled out and nobody says so", sensor.name));
-        }
+        // poll says nothing of a device that is gone, for ever: a read does. What is left in the buffer comes first.
+        let mut rest = [0; 64];
+        while file.read(&mut rest).is_ok_and(|length| length > 0) {}
     }
     Ok(lost)
 }

@@ -20,8 +20,8 @@ const SET_REPORT_REPLY: u32 = 14;
 const EVENT: usize = 4380;
 const BUS_USB: u16 = 3;
 const VENDOR: u32 = 0x1d6b;
-/// Bytes of a feature report of ours: a number and a word.
-const FEATURE: u16 = 5;
+/// Bytes of a feature report of ours: a number, a word, two bytes.
+const FEATURE: u16 = 7;
 
 /// The device; it is pulled out when this is dropped.
 pub struct Device {
@@ -89,7 +89,7 @@ fn answer(mut file: File, is_open: &AtomicBool) -> Result<()> {
                 reply.extend(&event[4..8]);
                 reply.extend([0, 0]);
                 reply.extend(FEATURE.to_le_bytes());
-                reply.extend([event[8], 0, 0, 0, 0]);
+                reply.extend([event[8], 0, 0, 0, 0, 1, 1]);
             }
             SET_REPORT => {
                 reply.extend(SET_REPORT_REPLY.to_le_bytes());

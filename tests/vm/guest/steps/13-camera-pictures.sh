@@ -4,4 +4,3 @@ ask camera set pictures=desk
 camera_in
 agent capture /dev/video0 frames=6 out=/host/out/desk
 ask camera check out/desk
-ask camera set pictures=pattern

@@ -13,5 +13,4 @@ wait $daemon || { cat /tmp/daemon; exit 1; }
 # Counted in frames: those after the loss are what the first eight lack, and a few that show the room anew.
 after=$(($(ask camera made) - made))
 [ "$after" -le 24 ] || { echo "$after frames after the loss"; exit 1; }
-ask camera set pictures=pattern
 echo "$after frames after the loss"
