@@ -3,10 +3,12 @@
 camera_in
 driver=/sys/bus/usb/drivers/uvcvideo
 interface=$(basename "$(ls -d $driver/*:1.0)")
+before=$(ask camera made)
+made_five() { [ "$(ask camera made)" -ge $((before + 5)) ]; }
 agent capture /dev/video0 gone out=/host/out/bound >/tmp/bound &
-until_true sh -c '[ $(halflight-vm-agent ask camera made) -gt 4 ]'
+until_true made_five
 echo "$interface" >$driver/unbind
-wait $!
+wait $! || { cat /tmp/bound; exit 1; }
 cat /tmp/bound
 ask camera check out/bound
 until_true [ ! -e /dev/video0 ]
