@@ -13,6 +13,8 @@ BROWSER_PACKAGES := chromium
 # Only for the test that reads our recordings in Python. The packages of Python itself are small, and go into a folder of their own.
 PYTHON_PACKAGES := python3 python3-venv
 PYTHON_READERS := mcap mcap-protobuf-support jsonschema
+# Only for the guest with real kernel drivers. Its kernel and busybox are downloaded and unpacked, not installed.
+VM_PACKAGES := qemu-system-x86
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 HALFLIGHT := target/release/halflight
 
@@ -22,7 +24,7 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures tradeoff presets docs test fuzz bench lint tools-build tools-gpu tools-film tools-browser tools-python release
+.PHONY: help demo demo-real figures tradeoff presets docs test test-vm fuzz bench lint tools-build tools-gpu tools-film tools-browser tools-python tools-vm release
 
 # What the front of error against time is measured on: all bundled scenes.
 SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
@@ -37,6 +39,7 @@ help:
 	@echo "make presets    the presets, measured anew on this machine (then build again)"
 	@echo "make docs       the plots and tables of docs/, made anew"
 	@echo "make test       everything that needs no GPU hardware; at its end the figures that were wanted beside those reached"
+	@echo "make test-vm    the programs in a guest under QEMU: a camera, inertial sensors and a serial line behind real kernel drivers"
 	@echo "make fuzz       a million damaged inputs of every format"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
@@ -60,6 +63,11 @@ tools-python:
 	target/python/bin/pip install -q --disable-pip-version-check --retries 1 --timeout 15 $(PYTHON_READERS) && touch target/python/ready; } || \
 	echo "SKIPPED Python's readers of recordings: they cannot be installed"
 
+# Without a network nothing here fails: the harness says what is missing.
+tools-vm:
+	-$(call install,$(VM_PACKAGES))
+	@bash tests/vm/make-guest.sh || echo "The guest of make test-vm cannot be made"
+
 tools-film:
 	$(call install,$(FILM_PACKAGES))
 
@@ -79,6 +87,11 @@ demo-real: release
 test: tools-build tools-gpu tools-browser tools-python
 	cargo build --release --locked --bins
 	REQUIRE_RELEASE=1 bash tests/run.sh
+
+test-vm: tools-build tools-vm
+	cargo build --release --locked --bins
+	cargo build --locked --workspace --bin halflight-vm --bin halflight-vm-agent
+	target/debug/halflight-vm $(STEPS)
 
 fuzz: tools-build
 	HALFLIGHT_ABUSE=1000000 HALFLIGHT_ABUSE_SEED=$$(date +%s) cargo test --locked --test abuse -- --nocapture
