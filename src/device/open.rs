@@ -94,6 +94,10 @@ pub fn open_imu(
         "serial" => Ok(Box::new(imu::serial::SerialImu::open(name, &parsed, &description, clock, raw)?)),
         #[cfg(feature = "hid")]
         "hid" => Ok(Box::new(imu::hid::hidraw::open(name, &parsed, &description, clock, raw)?)),
+        "iio" => {
+            let places = imu::iio::Places::default();
+            Ok(Box::new(imu::iio::IioImu::open(name, &parsed, &description, clock, &places)?))
+        }
         scheme => {
             let action = format!("this program was built without the feature \"{scheme}\"");
             let _ = (clock, description, raw);
@@ -145,7 +149,9 @@ mod tests {
         };
         let unknown = error("seriel:/dev/ttyUSB0");
         assert_eq!(unknown.kind, ErrorKind::Refused);
-        assert!(unknown.to_string().contains("did you mean \"serial\"? Known: serial:/dev/ttyUSB0,protocol=rvc"));
+        assert!(
+            unknown.to_string().contains("did you mean \"serial\"? Known: serial:/dev/ttyUSB0,protocol=rvc")
+        );
         assert!(error("synthetic:").to_string().contains("Known: serial:"));
         // What is not there may come yet.
         #[cfg(feature = "serial")]

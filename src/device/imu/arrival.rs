@@ -25,6 +25,8 @@ pub struct Arrivals {
     count: usize,
     begin: Timestamp,
     at: f64,
+    /// How far `at` went with the last sample; 0 at a beginning.
+    step: f64,
     stamp: Stamp,
     line: Option<(f64, f64)>,
     late_s: [f64; RECENT],
@@ -41,6 +43,7 @@ impl Arrivals {
             count: 0,
             begin: Timestamp(0),
             at: 0.0,
+            step: 0.0,
             stamp: Stamp::Unstated,
             line: None,
             late_s: [0.0; RECENT],
@@ -70,6 +73,11 @@ impl Arrivals {
         self.line.map_or(self.period_s, |(_, slope)| slope)
     }
 
+    /// Seconds from the sample before to the last one, by the sensor's own count or clock; 0 where that is not known.
+    pub fn since_last_s(&self) -> f64 {
+        self.step * self.period_s()
+    }
+
     /// Whether the sensor's rate has been measured.
     pub fn is_settled(&self) -> bool {
         self.line.is_some()
@@ -83,6 +91,7 @@ impl Arrivals {
             return self.begin_at(arrival);
         }
         self.at += step;
+        self.step = step;
         let line = self.line;
         if let Some((offset, slope)) = line {
             self.late_s[self.count % RECENT] = since - (offset + slope * self.at);
@@ -91,6 +100,7 @@ impl Arrivals {
             if stamp == Stamp::Unstated && earliest > 0.75 * slope {
                 let lost = (earliest / slope).round().max(1.0);
                 self.at += lost;
+                self.step += lost;
                 self.late_s.iter_mut().for_each(|late| *late -= lost * slope);
             }
         }
@@ -99,7 +109,9 @@ impl Arrivals {
         self.line = self.fit();
         let t = match self.line {
             Some((offset, slope)) => offset + slope * self.at,
-            None => since,
+            // Samples of one read share their arrival; they are told apart until the rate is known.
+            None => since
+                .max(self.last.map_or(since, |last| last.seconds_since(self.begin)) + 0.5 * self.period_s),
         };
         self.begin.plus_seconds(t)
     }
@@ -107,6 +119,7 @@ impl Arrivals {
     fn begin_at(&mut self, arrival: Timestamp) -> Timestamp {
         self.begin = arrival;
         self.at = 0.0;
+        self.step = 0.0;
         self.kept[0] = (0.0, 0.0);
         self.count = 1;
         self.line = None;

@@ -85,7 +85,7 @@ impl Assembler {
         });
         let before = std::mem::replace(&mut self.before, own);
         // A sensor that gives no rates turned from one orientation to the next.
-        let gyro = gyro.or_else(|| mean_rate(&before?, &own?))?;
+        let gyro = gyro.or_else(|| mean_rate(&before?, &own?, self.arrivals.since_last_s()))?;
         // One that gives no forces is taken to feel gravity alone.
         let accel =
             accel.or_else(|| Some(own?.level_from_imu.inverse() * DVec3::new(0.0, 0.0, GRAVITY_M_S2)))?;
@@ -108,8 +108,7 @@ impl Assembler {
 }
 
 /// The constant rate that turns one orientation into the next, in the sensor's axes, rad/s.
-fn mean_rate(before: &ImuOrientation, after: &ImuOrientation) -> Option<DVec3> {
-    let dt = after.t.seconds_since(before.t);
+fn mean_rate(before: &ImuOrientation, after: &ImuOrientation, dt: f64) -> Option<DVec3> {
     let turn = before.level_from_imu.inverse() * after.level_from_imu;
     let turn = if turn.w < 0.0 { -turn } else { turn };
     let rate = turn.to_scaled_axis() / dt;

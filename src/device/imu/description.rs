@@ -4,6 +4,7 @@ use super::wire::{PROTOCOLS, Protocol, resync::LONGEST_FRAME};
 use crate::parameters::nearest;
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
+use text::{ImuTable, WholeFile};
 
 /// Symbols a second of serial ports.
 pub const BAUD: std::ops::RangeInclusive<u32> = 1200..=4_000_000;
@@ -182,7 +183,11 @@ impl FrameTable {
 
     fn checked(self) -> Result<Self, DescriptionError> {
         if !(2..=LONGEST_FRAME).contains(&self.length) {
-            return Err(wrong("frame.length", self.length, format!("must be within 2..={LONGEST_FRAME} bytes")));
+            return Err(wrong(
+                "frame.length",
+                self.length,
+                format!("must be within 2..={LONGEST_FRAME} bytes"),
+            ));
         }
         if self.header.len() >= self.length || self.header.len() > 8 {
             let allowed = "must be at most 8 bytes and shorter than the frame";
@@ -250,7 +255,11 @@ impl ImuDescription {
     /// Reads the `[imu]` table of a rig file; `Ok(None)` where the file has none. Other tables are not looked at.
     pub fn from_toml(text: &str) -> Result<Option<Self>, DescriptionError> {
         if text.len() > LONGEST_TEXT {
-            return Err(wrong("..", format!("{} bytes", text.len()), format!("must be at most {LONGEST_TEXT}")));
+            return Err(wrong(
+                "..",
+                format!("{} bytes", text.len()),
+                format!("must be at most {LONGEST_TEXT}"),
+            ));
         }
         let whole: WholeFile = toml::from_str(text).map_err(|e| wrong("..", "", e))?;
         whole.imu.map(Self::from_table).transpose()
@@ -269,7 +278,9 @@ impl ImuDescription {
             None => None,
         };
         let imu_from_sensor = match (&table.axes, table.rotation_q_wxyz) {
-            (Some(_), Some(q)) => return Err(wrong("rotation_q_wxyz", format!("{q:?}"), "axes say it already")),
+            (Some(_), Some(q)) => {
+                return Err(wrong("rotation_q_wxyz", format!("{q:?}"), "axes say it already"));
+            }
             (Some(axes), None) => axis_map(axes)?,
             (None, Some(q)) => rotation("rotation_q_wxyz", q)?,
             (None, None) => DQuat::IDENTITY,
@@ -319,7 +330,11 @@ fn axis_map(axes: &[String; 3]) -> Result<DQuat, DescriptionError> {
     }
     let matrix = DMat3::from_cols_array_2d(&rows.map(|row| row.to_array())).transpose();
     if (matrix.determinant() - 1.0).abs() > 1e-9 {
-        return Err(wrong("axes", value, "must be each axis once, right-handed (an even number of mirrorings)"));
+        return Err(wrong(
+            "axes",
+            value,
+            "must be each axis once, right-handed (an even number of mirrorings)",
+        ));
     }
     Ok(DQuat::from_mat3(&matrix))
 }
@@ -332,85 +347,7 @@ fn rotation(key: &str, q: [f64; 4]) -> Result<DQuat, DescriptionError> {
     Ok(rotation.normalize())
 }
 
-#[derive(Deserialize)]
-struct WholeFile {
-    imu: Option<ImuTable>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ImuTable {
-    protocol: Option<String>,
-    baud: Option<u32>,
-    rate_hz: Option<f64>,
-    axes: Option<[String; 3]>,
-    rotation_q_wxyz: Option<[f64; 4]>,
-    camera_from_imu_q_wxyz: Option<[f64; 4]>,
-    frame: Option<FrameText>,
-    #[serde(default)]
-    field: Vec<FieldText>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FrameText {
-    #[serde(default)]
-    header: Vec<u8>,
-    length: usize,
-    #[serde(default)]
-    checksum: Checksum,
-    #[serde(default)]
-    sum_from: usize,
-    #[serde(default)]
-    sum_at: usize,
-    counter: Option<PlaceText>,
-    clock: Option<ClockText>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlaceText {
-    offset: usize,
-    #[serde(rename = "type")]
-    kind: FieldType,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ClockText {
-    offset: usize,
-    #[serde(rename = "type")]
-    kind: FieldType,
-    tick_s: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FieldText {
-    offset: usize,
-    #[serde(rename = "type")]
-    kind: FieldType,
-    scale: f64,
-    to: Quantity,
-}
-
-impl FrameText {
-    fn with(self, fields: Vec<FieldText>) -> FrameTable {
-        FrameTable {
-            header: self.header,
-            length: self.length,
-            checksum: self.checksum,
-            sum_from: self.sum_from,
-            sum_at: self.sum_at,
-            counter: self.counter.map(|place| (place.offset, place.kind)),
-            clock: self.clock.map(|clock| (clock.offset, clock.kind, clock.tick_s)),
-            fields: fields
-                .into_iter()
-                .map(|f| Field { offset: f.offset, kind: f.kind, scale: f.scale, to: f.to })
-                .collect(),
-        }
-    }
-}
+mod text;
 
 #[cfg(test)]
 mod tests;

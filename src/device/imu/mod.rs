@@ -11,6 +11,7 @@ pub mod description;
 pub mod fusion;
 pub mod gates;
 pub mod hid;
+pub mod iio;
 pub mod names;
 pub mod sample;
 #[cfg(feature = "serial")]

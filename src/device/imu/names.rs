@@ -58,7 +58,9 @@ impl ImuName {
             Some(("name", text)) if scheme != "serial" && !text.is_empty() => Which::Name(text.to_owned()),
             _ if place.starts_with('/') => Which::Path(place.to_owned()),
             _ if scheme == "hid" => ids(place).ok_or_else(|| {
-                refuse(format!("\"{place}\": must be /dev/hidrawN, VENDOR:PRODUCT in hex (2833:0021) or name=TEXT"))
+                refuse(format!(
+                    "\"{place}\": must be /dev/hidrawN, VENDOR:PRODUCT in hex (2833:0021) or name=TEXT"
+                ))
             })?,
             _ => return Err(refuse(format!("\"{place}\": must be an absolute path. Known: {KNOWN}"))),
         };

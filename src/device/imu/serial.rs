@@ -54,9 +54,8 @@ impl SerialImu {
         let (usual_baud, usual_hz) = protocol.usual_baud_and_rate();
         let baud = name.baud.or(description.baud).unwrap_or(usual_baud);
         debug_assert!(BAUD.contains(&baud));
-        let port = serialport::new(path, baud)
-            .open_native()
-            .map_err(|error| cannot_open(text, baud, error))?;
+        let port =
+            serialport::new(path, baud).open_native().map_err(|error| cannot_open(text, baud, error))?;
         let rate_hz = name.rate(description, usual_hz);
         tracing::info!("{text}: opened, {baud} baud, protocol {}, {rate_hz} Hz", protocol.name());
         let assembler = Assembler::new(rate_hz, description.imu_from_sensor);
@@ -113,9 +112,7 @@ impl SerialImu {
     /// Waits for bytes, at most for so long; returns whether some came.
     fn read(&mut self, wait_s: f64) -> Result<bool, DeviceError> {
         let lost = |name: &str| DeviceError::new(name, "read: the port is gone", ErrorKind::Reopen);
-        self.port
-            .set_timeout(Duration::from_secs_f64(wait_s))
-            .map_err(|e| lost(&self.name).because(e))?;
+        self.port.set_timeout(Duration::from_secs_f64(wait_s)).map_err(|e| lost(&self.name).because(e))?;
         let count = match self.port.read(&mut self.bytes[..]) {
             Ok(0) => return Err(lost(&self.name)),
             Ok(count) => count,
@@ -160,7 +157,9 @@ impl SerialImu {
 fn cannot_open(text: &str, baud: u32, error: serialport::Error) -> DeviceError {
     use serialport::ErrorKind as Kind;
     let (kind, action) = match error.kind() {
-        Kind::NoDevice | Kind::Io(IoKind::NotFound) => (ErrorKind::Reopen, "open: not there".to_owned()),
+        Kind::NoDevice | Kind::Io(IoKind::NotFound) => {
+            (ErrorKind::Reopen, "open: not there, or held by another program".to_owned())
+        }
         Kind::Io(IoKind::PermissionDenied) => {
             (ErrorKind::Reopen, "open: not allowed (is the user in the group dialout?)".to_owned())
         }
@@ -196,4 +195,4 @@ impl ImuSource for SerialImu {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -158,7 +158,8 @@ impl Reader {
 
     fn input(&mut self, flags: u32) -> Result<(), &'static str> {
         let Globals { bits, count, id, page } = self.globals;
-        let all = bits.checked_mul(count).filter(|all| *all <= MOST_BITS).ok_or("a report above 4096 bytes")?;
+        let all =
+            bits.checked_mul(count).filter(|all| *all <= MOST_BITS).ok_or("a report above 4096 bytes")?;
         let inputs = &mut self.found.inputs;
         let place = match inputs.iter().position(|report| report.id == id) {
             Some(place) => place,
@@ -174,7 +175,14 @@ impl Reader {
             return Err("a report above 4096 bytes, or more than 1024 fields");
         }
         let (page, usage) = self.usage.unwrap_or((page, 0));
-        report.fields.push(InputField { page, usage, bit: report.bits, bits, count, is_padding: flags & 1 == 1 });
+        report.fields.push(InputField {
+            page,
+            usage,
+            bit: report.bits,
+            bits,
+            count,
+            is_padding: flags & 1 == 1,
+        });
         report.bits += all;
         Ok(())
     }
@@ -187,8 +195,9 @@ mod tests {
 
     /// A vendor's page 0xFF00, report 3: a counter of 8 bits, six numbers of 16, padding.
     const VENDOR: [u8; 38] = [
-        0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x85, 0x03, 0x75, 0x08, 0x95, 0x01, 0x09, 0x02, 0x81, 0x02, 0x75, 0x10,
-        0x95, 0x06, 0x19, 0x10, 0x29, 0x15, 0x81, 0x02, 0x75, 0x08, 0x95, 0x02, 0x81, 0x01, 0x95, 0x01, 0x91, 0x02, 0xC0,
+        0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x85, 0x03, 0x75, 0x08, 0x95, 0x01, 0x09, 0x02, 0x81, 0x02,
+        0x75, 0x10, 0x95, 0x06, 0x19, 0x10, 0x29, 0x15, 0x81, 0x02, 0x75, 0x08, 0x95, 0x02, 0x81, 0x01, 0x95,
+        0x01, 0x91, 0x02, 0xC0,
     ];
 
     #[test]
@@ -197,7 +206,10 @@ mod tests {
         assert_eq!(found.collections, [(0xFF00, 1)]);
         let [report] = &found.inputs[..] else { panic!("{found:?}") };
         assert_eq!((report.id, report.bits, report.bytes()), (3, 120, 16));
-        assert_eq!(report.fields[1], InputField { page: 0xFF00, usage: 0x10, bit: 8, bits: 16, count: 6, is_padding: false });
+        assert_eq!(
+            report.fields[1],
+            InputField { page: 0xFF00, usage: 0x10, bit: 8, bits: 16, count: 6, is_padding: false }
+        );
         assert!(report.fields[2].is_padding);
     }
 

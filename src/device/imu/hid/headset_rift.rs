@@ -71,7 +71,8 @@ mod tests {
         assert!(read(&report, Timestamp(5), &mut |sample| samples.push(sample)));
         assert_eq!(samples.len(), 2);
         assert_eq!(samples[0].stamp, Stamp::Ticks { value: 0xFFFF_FE0C, bits: 32, tick_s: 1e-6 });
-        let near = |a: Option<[f64; 3]>, b: [f64; 3]| a.unwrap().iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        let near =
+            |a: Option<[f64; 3]>, b: [f64; 3]| a.unwrap().iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
         assert!(near(samples[0].accel_m_s2, [1e-4, -2e-4, 9.81]));
         assert!(near(samples[0].gyro_rad_s, [-104.8576, 104.8575, 0.0]));
         report[3] = 0;

@@ -58,8 +58,11 @@ pub fn open(
             }
         };
         let mut bytes = [0u8; LONGEST];
-        let count = device.get_report_descriptor(&mut bytes).map_err(|e| lost("read its descriptor").because(e.to_string()))?;
-        let found = descriptor::read(bytes.get(..count).unwrap_or_default()).map_err(|e| refuse("read its descriptor").because(e))?;
+        let count = device
+            .get_report_descriptor(&mut bytes)
+            .map_err(|e| lost("read its descriptor").because(e.to_string()))?;
+        let found = descriptor::read(bytes.get(..count).unwrap_or_default())
+            .map_err(|e| refuse("read its descriptor").because(e))?;
         // A headset has several interfaces of the same numbers; one of them sends the samples.
         if let Err(cause) = check(&found, &protocol) {
             why = refuse(&cause);

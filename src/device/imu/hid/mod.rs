@@ -52,16 +52,23 @@ impl ReportProtocol {
         let Some(name) = named.or(description.protocol.as_deref()) else {
             let built_in = BUILT_IN.into_iter().find(|(vendor, product, _)| (*vendor, *product) == ids);
             return built_in.map(|(_, _, protocol)| protocol).ok_or_else(|| {
-                let allowed = format!("{:04x}:{:04x} is not built in; say one of {}", ids.0, ids.1, PROTOCOLS.join(", "));
+                let allowed = format!(
+                    "{:04x}:{:04x} is not built in; say one of {}",
+                    ids.0,
+                    ids.1,
+                    PROTOCOLS.join(", ")
+                );
                 wrong("nothing", allowed)
             });
         };
         match name {
             "rift" => Ok(Self::Rift),
             "psvr" => Ok(Self::Psvr),
-            "described" => description.frame.clone().map(Self::Described).ok_or_else(|| {
-                wrong(name, "a described protocol needs a table [imu.frame]".into())
-            }),
+            "described" => description
+                .frame
+                .clone()
+                .map(Self::Described)
+                .ok_or_else(|| wrong(name, "a described protocol needs a table [imu.frame]".into())),
             _ => {
                 let hint = nearest(name, &PROTOCOLS).map(|p| format!("did you mean \"{p}\"? "));
                 Err(wrong(name, format!("{}Known: {}", hint.unwrap_or_default(), PROTOCOLS.join(", "))))

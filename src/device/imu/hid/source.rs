@@ -32,8 +32,11 @@ pub fn check(descriptor: &Descriptor, protocol: &ReportProtocol) -> Result<(), S
     if descriptor.inputs.iter().any(|report| report.bytes() == length && (id == 0 || report.id == id)) {
         return Ok(());
     }
-    let sends: Vec<String> =
-        descriptor.inputs.iter().map(|report| format!("report {} of {} bytes", report.id, report.bytes())).collect();
+    let sends: Vec<String> = descriptor
+        .inputs
+        .iter()
+        .map(|report| format!("report {} of {} bytes", report.id, report.bytes()))
+        .collect();
     let hint = if descriptor.collections.iter().any(|(page, _)| *page == SENSOR_PAGE) {
         "; it is a standard sensor: name it as iio:name=.."
     } else {
@@ -104,7 +107,9 @@ impl<R: Reports> HidImu<R> {
         // Rounded up, so that a short wait is one.
         let wait_ms = (wait_s * 1e3).ceil().clamp(0.0, 1000.0) as u16;
         let count = self.reports.read(&mut self.report[..], wait_ms).map_err(|cause| self.lost(cause))?;
-        let Some(report) = self.report.get(..count).filter(|report| !report.is_empty()) else { return Ok(false) };
+        let Some(report) = self.report.get(..count).filter(|report| !report.is_empty()) else {
+            return Ok(false);
+        };
         let arrival = self.clock.now();
         if let Some(log) = &mut self.log {
             log.write(arrival, report);

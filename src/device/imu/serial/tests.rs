@@ -6,11 +6,10 @@ use crate::open::{ImuOptions, open_imu};
 use std::io::Write;
 
 /// A pseudo-terminal: what is written to the first comes out of the path.
-fn pair() -> (TTYPort, TTYPort, String) {
-    let (master, mut slave) = TTYPort::pair().unwrap();
-    slave.set_exclusive(false).unwrap();
+pub(crate) fn pair() -> (TTYPort, String) {
+    let (master, slave) = TTYPort::pair().unwrap();
     let path = slave.name().unwrap();
-    (master, slave, path)
+    (master, path)
 }
 
 fn open(path: &str, kind: &str, clock: &Arc<dyn Clock>) -> Result<Box<dyn ImuSource>, DeviceError> {
@@ -26,7 +25,7 @@ fn refusal(result: Result<Box<dyn ImuSource>, DeviceError>) -> DeviceError {
 fn every_protocol_comes_through_a_terminal() {
     let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::new());
     for kind in KINDS {
-        let (mut master, _slave, path) = pair();
+        let (mut master, path) = pair();
         let mut imu = open(&path, kind, &clock).unwrap();
         let mut count = 0;
         for k in 0..40 {
@@ -45,7 +44,7 @@ fn every_protocol_comes_through_a_terminal() {
 #[test]
 fn a_deadline_is_kept_whether_bytes_come_or_not() {
     let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::new());
-    let (mut master, _slave, path) = pair();
+    let (mut master, path) = pair();
     let mut imu = open(&path, "rvc", &clock).unwrap();
     for garbage in [0, 200] {
         for _ in 0..10 {
@@ -67,14 +66,14 @@ fn a_hang_up_is_reopen_and_the_port_comes_back() {
     let name = link.to_string_lossy().into_owned();
     for _ in 0..3 {
         assert_eq!(refusal(open(&name, "rvc", &clock)).kind, ErrorKind::Reopen, "it is not there yet");
-        let (mut master, slave, path) = pair();
+        let (mut master, path) = pair();
         std::os::unix::fs::symlink(&path, &link).unwrap();
         let mut imu = open(&name, "rvc", &clock).unwrap();
         for k in 0..10 {
             master.write_all(&frame("rvc", k, 1)).unwrap();
         }
         assert!(imu.next(clock.now().plus_seconds(2.0)).is_ok());
-        drop((master, slave));
+        drop(master);
         let error = loop {
             match imu.next(clock.now().plus_seconds(0.5)) {
                 Ok(_) => {}
@@ -104,7 +103,7 @@ impl Clock for FastClock {
 fn a_port_that_says_nothing_or_nonsense_is_told() {
     for (bytes, said) in [(&[][..], "a modem says nothing"), (&[0x42; 64][..], "another baud rate")] {
         let clock: Arc<dyn Clock> = Arc::new(FastClock(MonotonicClock::new()));
-        let (mut master, _slave, path) = pair();
+        let (mut master, path) = pair();
         let mut imu = open(&path, "rvc", &clock).unwrap();
         let error = loop {
             master.write_all(bytes).unwrap();
@@ -124,5 +123,8 @@ fn a_path_that_is_no_port_is_told() {
     let error = refusal(open("/dev/null", "rvc", &clock));
     assert!(error.to_string().contains("serial:/dev/null"), "{error}");
     let error = refusal(open("/dev/null", "rvx", &clock));
-    assert!(error.kind == ErrorKind::Refused && error.to_string().contains("did you mean \"rvc\"?"), "{error}");
+    assert!(
+        error.kind == ErrorKind::Refused && error.to_string().contains("did you mean \"rvc\"?"),
+        "{error}"
+    );
 }

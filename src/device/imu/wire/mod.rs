@@ -7,6 +7,8 @@ pub mod witmotion;
 pub mod ypr;
 
 #[cfg(test)]
+mod logs;
+#[cfg(test)]
 pub(crate) mod made;
 #[cfg(test)]
 mod tests;

@@ -50,7 +50,8 @@ impl Group {
         if !self.put(frame) {
             return Look::Nothing;
         }
-        if self.kinds != self.whole || (self.sample.orientation.is_none() && self.sample.gyro_rad_s.is_none()) {
+        if self.kinds != self.whole || (self.sample.orientation.is_none() && self.sample.gyro_rad_s.is_none())
+        {
             return Look::Part(LENGTH);
         }
         let sample = WireSample { arrival, ..self.sample };
