@@ -111,7 +111,7 @@ impl Arrivals {
             Some((offset, slope)) => offset + slope * self.at,
             // Samples of one read share their arrival; they are told apart until the rate is known.
             None => since
-                .max(self.last.map_or(since, |last| last.seconds_since(self.begin)) + 0.5 * self.period_s),
+                .max(self.last.map_or(since, |last| last.seconds_since(self.begin)) + 0.01 * self.period_s),
         };
         self.begin.plus_seconds(t)
     }
