@@ -25,11 +25,12 @@ fn rows(path: &Path) -> Vec<[f64; COLUMNS]> {
 
 /// Root mean squares of the whole error and of the tilt's, degrees, where the trial says that errors count.
 fn errors(rows: &[[f64; COLUMNS]]) -> [f64; 2] {
-    let mut fusion = Fusion::new(1.0 / 285.714285).unwrap();
+    let period_s = 1.0 / 285.714285;
+    let mut fusion = Fusion::new(period_s).unwrap();
     let (mut squares, mut count) = ([0.0; 2], 0.0);
     for row in rows {
         let three = |from: usize| [row[from], row[from + 1], row[from + 2]];
-        let estimate = fusion.update(three(0), three(3)).unwrap();
+        let estimate = fusion.update(three(0), three(3), period_s).unwrap();
         let truth = DQuat::from_xyzw(row[10], row[11], row[12], row[9]);
         if row[16] != 1.0 || !truth.is_finite() {
             continue;

@@ -102,7 +102,9 @@ impl Assembler {
             }
             self.fusion = Fusion::new(self.arrivals.period_s());
         }
-        let level_from_imu = self.fusion.as_mut()?.update(sample.gyro_rad_s, sample.accel_m_s2)?;
+        let since_last_s = self.arrivals.since_last_s();
+        let level_from_imu =
+            self.fusion.as_mut()?.update(sample.gyro_rad_s, sample.accel_m_s2, since_last_s)?;
         Some(ImuOrientation { t: sample.t, level_from_imu, fused_by: FusedBy::Host })
     }
 }

@@ -32,7 +32,7 @@ pub struct InputField {
     pub is_padding: bool,
 }
 
-/// An input report.
+/// What comes under one number.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InputReport {
     /// Its number; 0 where the device does not number its reports.

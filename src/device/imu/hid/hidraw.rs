@@ -43,7 +43,7 @@ pub fn open(
             .map_err(|e| refuse("read what is said of it").because(e))?;
     }
     let api = HidApi::new().map_err(|e| lost("list HID devices").because(e.to_string()))?;
-    let mut why = lost("not there");
+    let (mut closed, mut unfit) = (None, None);
     for info in api.device_list().filter(|info| is_wanted(info, &name.which)) {
         let ids = (info.vendor_id(), info.product_id());
         let protocol = ReportProtocol::choose(name.protocol.as_deref(), description, ids)
@@ -53,7 +53,7 @@ pub fn open(
             Err(e) => {
                 let path = info.path().to_string_lossy();
                 let action = format!("open {path} (a udev rule must give the user access to hidraw)");
-                why = lost(&action).because(e.to_string());
+                closed = Some(lost(&action).because(e.to_string()));
                 continue;
             }
         };
@@ -65,7 +65,7 @@ pub fn open(
             .map_err(|e| refuse("read its descriptor").because(e))?;
         // A headset has several interfaces of the same numbers; one of them sends the samples.
         if let Err(cause) = check(&found, &protocol) {
-            why = refuse(&cause);
+            unfit = Some(refuse(&cause));
             continue;
         }
         let rate_hz = name.rate(description, protocol.usual_rate_hz());
@@ -73,12 +73,17 @@ pub fn open(
         let assembler = Assembler::new(rate_hz, protocol.imu_from_sensor(description));
         return Ok(HidImu::new(text, Hidraw(device), protocol, assembler, clock, log));
     }
-    Err(why)
+    // The one that could not be opened yet may be the right one.
+    Err(closed.or(unfit).unwrap_or_else(|| lost("not there")))
 }
 
 fn is_wanted(info: &DeviceInfo, which: &Which) -> bool {
     match which {
-        Which::Path(path) => info.path().to_bytes() == path.as_bytes(),
+        // A link that udev made is as good as the node.
+        Which::Path(path) => {
+            let node = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+            info.path().to_bytes() == node.as_os_str().as_encoded_bytes()
+        }
         Which::Ids(vendor, product) => (info.vendor_id(), info.product_id()) == (*vendor, *product),
         Which::Name(name) => info.product_string().is_some_and(|product| product.contains(name.as_str())),
     }

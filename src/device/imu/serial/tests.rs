@@ -1,6 +1,6 @@
 use super::*;
 use crate::clock::MonotonicClock;
-use crate::imu::wire::made::{KINDS, RATE_HZ, description, frame};
+use crate::imu::wire::tests::made::{KINDS, RATE_HZ, description, frame};
 use crate::model::imu::FusedBy;
 use crate::open::{ImuOptions, open_imu};
 use std::io::Write;

@@ -37,8 +37,8 @@ pub fn sample(table: &FrameTable, frame: &[u8], arrival: Timestamp) -> Option<Wi
         sample.orientation = Some(quaternion.normalize());
     }
     if let Some((offset, kind)) = table.counter {
-        let value = read(kind, frame, offset)? as u32;
-        sample.stamp = Stamp::Count { value, modulus: 1 << (8 * kind.bytes().min(2)) };
+        let modulus = 1 << (8 * kind.bytes().min(2));
+        sample.stamp = Stamp::Count { value: read(kind, frame, offset)? as u32 % modulus, modulus };
     }
     if let Some((offset, kind, tick_s)) = table.clock {
         let bits = 8 * kind.bytes() as u32;

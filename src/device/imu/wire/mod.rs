@@ -7,11 +7,7 @@ pub mod witmotion;
 pub mod ypr;
 
 #[cfg(test)]
-mod logs;
-#[cfg(test)]
-pub(crate) mod made;
-#[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use super::description::FrameTable;
 use super::gates::{Gates, Verdict};

@@ -1,3 +1,6 @@
+mod logs;
+pub(crate) mod made;
+
 use super::*;
 use crate::imu::sample::Stamp;
 use crate::math::dice::Dice;

@@ -111,3 +111,44 @@ fn protocols_are_chosen_by_name_then_rig_then_numbers() {
     assert!(ReportProtocol::choose(Some("described"), &rig, (1, 2)).is_err());
     assert_eq!(ReportProtocol::Rift.imu_from_sensor(&rig), DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0));
 }
+
+/// A table that reads rates and forces of a numbered report.
+const TABLE: &str = "[imu]\nprotocol = \"described\"\n[imu.frame]\nheader = [3]\nlength = 16\ncounter = { offset = 1, type = \"u8\" }\n";
+
+#[test]
+fn a_described_report_is_read() {
+    let fields: String = ["gyro.x", "gyro.y", "gyro.z", "accel.x", "accel.y", "accel.z"]
+        .iter()
+        .enumerate()
+        .map(|(k, to)| {
+            format!("[[imu.field]]\noffset = {}\ntype = \"i16be\"\nscale = 0.01\nto = \"{to}\"\n", 2 + 2 * k)
+        })
+        .collect();
+    let rig = ImuDescription::from_toml(&format!("{TABLE}{fields}")).unwrap().unwrap();
+    let protocol = ReportProtocol::choose(None, &rig, (1, 2)).unwrap();
+    assert_eq!(protocol.report(), (3, 16));
+    let mut report = [0u8; 16];
+    (report[0], report[1], report[3], report[12], report[13]) = (3, 9, 100, 0x03, 0xD5);
+    let mut samples = Vec::new();
+    assert!(protocol.read(&report, Timestamp(4), &mut |sample| samples.push(sample)));
+    assert_eq!(samples[0].gyro_rad_s, Some([1.0, 0.0, 0.0]));
+    assert_eq!(samples[0].accel_m_s2.unwrap()[2], 9.81);
+    report[0] = 4;
+    assert!(!protocol.read(&report, Timestamp(4), &mut |_| panic!("another report")));
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_reports_are_read_or_left(bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..100), is_rift: bool) {
+        let mut report = bytes;
+        if is_rift && !report.is_empty() {
+            report.resize(64, 0);
+            report[0] = headset_rift::REPORT;
+        }
+        for protocol in [ReportProtocol::Rift, ReportProtocol::Psvr] {
+            let mut count = 0;
+            protocol.read(&report, Timestamp(0), &mut |_| count += 1);
+            assert!(count <= 2);
+        }
+    }
+}

@@ -2,8 +2,9 @@
 //! where it is a serial line's, comes through a pseudo-terminal too. `UPDATE_EXPECT=1` makes them anew.
 
 use super::made::{KINDS, RATE_HZ, description, frame, protocol};
-use super::{Wire, WireSample};
 use crate::imu::hid::ReportProtocol;
+use crate::imu::sample::WireSample;
+use crate::imu::wire::Wire;
 use crate::imu::wire_log;
 use crate::math::dice::Dice;
 use crate::model::time::Timestamp;
