@@ -136,7 +136,7 @@ impl Reader {
                 self.usage = None;
             }
             // Global items.
-            0x04 => self.globals.page = u16::try_from(value).map_err(|_| "a usage page above 65535")?,
+            0x04 => self.globals.page = u16::try_from(value).ok().ok_or("a usage page above 65535")?,
             0x74 => self.globals.bits = value,
             0x94 => self.globals.count = value,
             0x84 => {
