@@ -26,6 +26,7 @@ pub mod clock;
 pub mod developed;
 pub mod error;
 pub mod fake;
+pub mod imu;
 pub mod null_display;
 pub mod open;
 pub mod pace;
@@ -43,7 +44,7 @@ pub mod v4l2;
 use crate::model::{
     frame::{Exposure, RawFrame},
     image::Rgb8Image,
-    imu::ImuSample,
+    imu::{ImuOrientation, ImuSample},
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -110,6 +111,12 @@ pub trait ImuSource: Send {
                 Err(error) => return Err(error),
             }
         }
+    }
+
+    /// The orientation at the sample last returned, where the sensor or the source makes one. It stands beside the sample,
+    /// so that recordings and all that takes rates stay as they are.
+    fn orientation(&self) -> Option<ImuOrientation> {
+        None
     }
 
     /// What is wrong with the sensor, where the source knows it (synthetic, or recorded from synthetic).
@@ -221,6 +228,10 @@ impl<S: FrameSource + ?Sized> FrameSource for Box<S> {
 impl<I: ImuSource + ?Sized> ImuSource for Box<I> {
     fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
         (**self).next(deadline)
+    }
+
+    fn orientation(&self) -> Option<ImuOrientation> {
+        (**self).orientation()
     }
 
     fn imu_truth(&self) -> Option<ImuTruth> {

@@ -1,8 +1,13 @@
 //! The one place where a name becomes a device.
 
 use super::{
-    Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource, null_display::NullDisplay,
-    parameters::nearest, replay, stdio_link::LineLink, synthetic,
+    Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource,
+    imu::{self, description::ImuDescription, names::ImuName, wire_log::WireLogWriter},
+    null_display::NullDisplay,
+    parameters::nearest,
+    replay,
+    stdio_link::LineLink,
+    synthetic,
 };
 #[cfg(feature = "v4l2")]
 use super::{bracketed::BracketedCamera, clock::MonotonicClock, developed::DevelopedCamera};
@@ -91,6 +96,45 @@ pub fn open_link(name: &str, clock: Arc<dyn Clock>) -> Result<Box<dyn CommandLin
     }
 }
 
+/// What else is known of an inertial sensor when it is opened.
+#[derive(Default)]
+pub struct ImuOptions {
+    /// The rig's `[imu]` table.
+    pub description: ImuDescription,
+    /// Where everything goes that comes over the wire.
+    pub raw: Option<WireLogWriter>,
+}
+
+/// Opens an inertial sensor: `serial:/dev/ttyUSB0,protocol=rvc,baud=115200`, `hid:/dev/hidraw0`, `hid:2833:0021`, `hid:name=TEXT`,
+/// `iio:/dev/iio:device0` or `iio:name=dev_rotation`. `Reopen` where it is not there or may not be opened (yet), `Refused` where
+/// the name or the rig is wrong, with what is known and what comes nearest.
+pub fn open_imu(
+    name: &str,
+    clock: Arc<dyn Clock>,
+    options: ImuOptions,
+) -> Result<Box<dyn ImuSource>, DeviceError> {
+    let Some(parsed) = ImuName::parse(name)? else {
+        let scheme = name.split(':').next().unwrap_or_default();
+        return Err(unknown(name, scheme, &imu::names::SCHEMES, imu::names::KNOWN));
+    };
+    let ImuOptions { description, raw } = options;
+    match parsed.scheme {
+        #[cfg(feature = "serial")]
+        "serial" => Ok(Box::new(imu::serial::SerialImu::open(name, &parsed, &description, clock, raw)?)),
+        #[cfg(feature = "hid")]
+        "hid" => Ok(Box::new(imu::hid::hidraw::open(name, &parsed, &description, clock, raw)?)),
+        "iio" => {
+            let places = imu::iio::Places::default();
+            Ok(Box::new(imu::iio::IioImu::open(name, &parsed, &description, clock, &places)?))
+        }
+        scheme => {
+            let action = format!("this program was built without the feature \"{scheme}\"");
+            let _ = (clock, description, raw);
+            Err(DeviceError::new(name, action, ErrorKind::Refused))
+        }
+    }
+}
+
 fn unknown(name: &str, scheme: &str, schemes: &[&str], known: &str) -> DeviceError {
     let hint = nearest(scheme, schemes).map(|s| format!("did you mean \"{s}\"? ")).unwrap_or_default();
     let action = format!("unknown kind of device \"{scheme}\": {hint}Known: {known}");
@@ -124,5 +168,26 @@ mod tests {
         assert_eq!(refusal.kind, ErrorKind::Refused);
         assert!(refusal.to_string().contains("did you mean \"null\"? Known: null:hz=60"));
         assert!(open_link("/dev/ttyS1", clock).err().unwrap().to_string().contains("Known: stdio"));
+    }
+
+    #[test]
+    fn inertial_sensors_are_known_by_name() {
+        let error = |name: &str| {
+            let clock: Arc<dyn Clock> = Arc::new(crate::clock::ManualClock::default());
+            open_imu(name, clock, ImuOptions::default()).err().unwrap()
+        };
+        let unknown = error("seriel:/dev/ttyUSB0");
+        assert_eq!(unknown.kind, ErrorKind::Refused);
+        assert!(
+            unknown.to_string().contains("did you mean \"serial\"? Known: serial:/dev/ttyUSB0,protocol=rvc")
+        );
+        assert!(error("synthetic:").to_string().contains("Known: serial:"));
+        // What is not there may come yet.
+        #[cfg(feature = "serial")]
+        assert_eq!(error("serial:/no/such/port,protocol=rvc").kind, ErrorKind::Reopen);
+        #[cfg(feature = "hid")]
+        assert_eq!(error("hid:2833:0021").kind, ErrorKind::Reopen);
+        #[cfg(feature = "hid")]
+        assert!(error("hid:2833:0021,protocol=rifd").to_string().contains("did you mean \"rift\"?"));
     }
 }

@@ -4,7 +4,7 @@ use super::recording::{RecordingWriter, Written};
 use super::{DeviceError, FrameSource, ImuSource, ImuTruth, Truth};
 use crate::model::{
     frame::{Exposure, RawFrame},
-    imu::ImuSample,
+    imu::{ImuOrientation, ImuSample},
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -127,6 +127,10 @@ impl<I: ImuSource, W: Write + Seek + Send> ImuSource for ImuRecorder<I, W> {
         let sample = self.source.next(deadline)?;
         self.tape.write(|writer| writer.write_imu(&[sample]));
         Ok(sample)
+    }
+
+    fn orientation(&self) -> Option<ImuOrientation> {
+        self.source.orientation()
     }
 
     fn imu_truth(&self) -> Option<ImuTruth> {

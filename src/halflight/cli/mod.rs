@@ -27,6 +27,7 @@ pub mod synth;
 pub mod tags;
 pub mod trace;
 pub mod tradeoff;
+#[cfg(feature = "v4l2")]
 mod video_devices;
 
 pub use error::CliError;
