@@ -5,6 +5,7 @@ use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
+use crate::daemon::prepare::open_named_imu;
 use crate::daemon::{exit, stop_signals, version};
 use crate::device::clock::MonotonicClock;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
@@ -14,6 +15,7 @@ use crate::lab::digest::PixelDigest;
 use crate::model::{frame::Exposure, path_text, time::Timestamp};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How pictures are stored.
 #[derive(clap::Args, Clone, Copy, Debug)]
@@ -65,6 +67,10 @@ pub struct RecordArguments {
     /// Exposure times that a camera goes through in turn, seconds, e.g. 0.001,0.004,0.016 (default: camera.exposures_s).
     #[arg(long, value_name = "S,S,..", value_delimiter = ',')]
     exposures_s: Vec<f64>,
+    /// The inertial sensor to record beside a camera, e.g. serial:/dev/ttyUSB0,protocol=rvc (default: device.imu, or the
+    /// camera's own).
+    #[arg(long, value_name = "NAME")]
+    imu: Option<String>,
     /// Replace a recording that is there.
     #[arg(long)]
     force: bool,
@@ -285,6 +291,13 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
         let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();
         tracing::info!("exposures in turn: {} s", times.join(", "));
+    }
+    let mut settings_of = global.settings(None)?;
+    if let Some(name) = &a.imu {
+        settings_of.imu.clone_from(name);
+    }
+    if !settings_of.imu.is_empty() {
+        opened.imu = Some(open_named_imu(&settings_of, Arc::new(MonotonicClock::new()))?);
     }
     let setup = Setup {
         rig: opened.frames.rig(),

@@ -97,6 +97,22 @@ pub const KEYS: &[Key] = &[
         |s, v| s.frames = integer(v) as u64
     ),
     key!(
+        "device.imu",
+        "",
+        Range::Text,
+        "Inertial sensor: empty = the camera's own where it has one, \"serial:/dev/ttyUSB0,protocol=rvc,baud=115200\", \"hid:2833:0021\", \"iio:name=gyro_3d\" (docs/imu.md).",
+        |s| word(&s.imu),
+        |s, v| s.imu = text(v)
+    ),
+    key!(
+        "device.imu_file",
+        "",
+        Range::Text,
+        "TOML file whose [imu] table describes the inertial sensor: protocol, axes, mounting (docs/imu.md); empty = nothing more is known.",
+        |s| word(&s.imu_file),
+        |s, v| s.imu_file = text(v)
+    ),
+    key!(
         "device.display",
         "",
         Range::Text,

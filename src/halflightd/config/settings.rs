@@ -15,6 +15,10 @@ pub struct Settings {
     pub display: String,
     /// `device.see_through`
     pub is_see_through: bool,
+    /// `device.imu`; empty = the camera's own, where it has one.
+    pub imu: String,
+    /// `device.imu_file`; empty = none.
+    pub imu_file: String,
     /// `device.link`; empty = none.
     pub link: String,
     /// `camera.exposures_s`
@@ -117,6 +121,8 @@ impl Default for Settings {
             frames: 0,
             display: String::new(),
             is_see_through: false,
+            imu: String::new(),
+            imu_file: String::new(),
             link: String::new(),
             exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,

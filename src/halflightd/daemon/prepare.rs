@@ -2,8 +2,11 @@
 
 use super::{cache_folder, dress, engines, governing::governor_of, host::Host, known_room};
 use crate::assets::scene::{self as scene_file, SceneFile};
+use crate::config::file;
 use crate::config::settings::{GrayWeights, Settings};
-use crate::device::{DeviceError, FrameSource, ImuSource, clock::MonotonicClock, open};
+use crate::device::imu::description::ImuDescription;
+use crate::device::open::ImuOptions;
+use crate::device::{Clock, DeviceError, ErrorKind, FrameSource, ImuSource, clock::MonotonicClock, open};
 use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
 use crate::model::{frame::Exposure, path_text, response::Response, rig::Rig, scene::Scene};
 use crate::nearfield::prepare::KnownRoom;
@@ -78,6 +81,19 @@ pub fn open_camera(settings: &Settings) -> Result<OpenedCamera, DeviceError> {
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = frames.set_exposures(&wanted)?;
     Ok(OpenedCamera { frames, imu, cycle })
+}
+
+/// Opens the inertial sensor that the settings name.
+pub fn open_named_imu(settings: &Settings, clock: Arc<dyn Clock>) -> Result<Box<dyn ImuSource>, DeviceError> {
+    let refused = |why: String| DeviceError::new(&settings.imu, why, ErrorKind::Refused);
+    let mut description = ImuDescription::default();
+    if !settings.imu_file.is_empty() {
+        let text = file::text(&path_text::to_path(&settings.imu_file)).map_err(refused)?;
+        let read =
+            ImuDescription::from_toml(&text).map_err(|e| refused(format!("{}: {e}", settings.imu_file)))?;
+        description = read.ok_or_else(|| refused(format!("{}: has no table [imu]", settings.imu_file)))?;
+    }
+    open::open_imu(&settings.imu, clock, ImuOptions { description, raw: None })
 }
 
 /// Reads the response of the settings: the camera's own, sRGB, or a file's.

@@ -5,7 +5,7 @@ use super::{
     governing::governor_of,
     host::Host,
     picture_folder::{DaemonSink, PictureFolder},
-    prepare::{OpenedCamera, Prepared, open_camera, prepare_with},
+    prepare::{OpenedCamera, Prepared, open_camera, open_named_imu, prepare_with},
     settings_thread::{Asks, LiveSettings, SettingsThread, Wishes},
     stop_signals::{Asked, StopSignals},
     watchdog::{DEFAULT_PERIOD_S, Watchdog},
@@ -82,7 +82,10 @@ fn run_live(
     let mut live = Live::new(inbox, clock, budget()?);
     let early = settings.search_ahead.then(|| pipeline.early_search());
     live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()), early)?;
-    if let Some(imu) = imu {
+    if !settings.imu.is_empty() {
+        let (named, clock) = (settings.clone(), Arc::new(MonotonicClock::default()));
+        live.add_imu(&settings.imu, move |_| open_named_imu(&named, Arc::<MonotonicClock>::clone(&clock)))?;
+    } else if let Some(imu) = imu {
         live.add_imu(&settings.camera, imu_opener(imu, settings, pace))?;
     }
     let counts = turns::run(&mut live, pipeline, sink, settings.frames);
