@@ -83,7 +83,7 @@ impl Sample {
 
     /// The sample with this counter.
     pub fn by_rule(counter: u32) -> Self {
-        let value = |axis: u32| ((counter * (axis + 3) * 37) % 4001) as i16 - 2000;
+        let value = |axis: u32| (counter.wrapping_mul((axis + 3) * 37) % 4001) as i16 - 2000;
         Self {
             counter,
             time_us: counter.wrapping_mul(Self::PERIOD_US),

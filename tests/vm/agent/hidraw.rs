@@ -74,7 +74,7 @@ pub fn run(count: u32, times: u32) -> Outcome {
                 other => return Err(format!("sample {counter} is {other:?} ({length} bytes)")),
             }
         }
-        feeder.join().map_err(|_| "the device was refused")?;
+        feeder.join().map_err(|panic| format!("the device was refused: {panic:?}"))?;
         let found = sys::ready(&file, -1).map_err(|e| format!("{path}: {e}"))?;
         if found & sys::POLL_GONE == 0 || file.read(&mut [0; 64]).is_ok() {
             return Err(format!("{path}: the device was pulled out and nobody says so ({found:#x})"));

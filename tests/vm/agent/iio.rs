@@ -97,7 +97,7 @@ fn life(count: u32) -> Result<u32, String> {
         files.push(file);
     }
     done.store(true, Ordering::SeqCst);
-    feeder.join().map_err(|_| "the hub was refused")?;
+    feeder.join().map_err(|panic| format!("the hub was refused: {panic:?}"))?;
     for (sensor, file) in SENSORS.iter().zip(&mut files) {
         wait_for(|| folder(sensor).is_none().then_some(()));
         // poll says nothing of a device that is gone, for ever: a read does. What is left in the buffer comes first.

@@ -41,7 +41,7 @@ impl Options {
             let bad = || format!("\"{word}\" is no option");
             match key {
                 "size" => options.size = two(value, 'x').ok_or_else(bad)?,
-                "frames" => options.frames = value.parse().map_err(|_| bad())?,
+                "frames" => options.frames = value.parse().ok().ok_or_else(bad)?,
                 "out" => value.clone_into(&mut options.out),
                 "one" => options.one = true,
                 "gone" => options.until_gone = true,

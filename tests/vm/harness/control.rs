@@ -21,11 +21,14 @@ pub struct Control {
 }
 
 /// The number after `key=` in words such as `lag=2`.
-fn number<T: std::str::FromStr>(words: &[&str], key: &str) -> Result<Option<T>, String> {
+fn number<T: std::str::FromStr<Err: std::fmt::Display>>(
+    words: &[&str],
+    key: &str,
+) -> Result<Option<T>, String> {
     let Some(text) = words.iter().find_map(|word| word.strip_prefix(key)?.strip_prefix('=')) else {
         return Ok(None);
     };
-    text.parse().map(Some).map_err(|_| format!("{key}={text} is no number"))
+    text.parse().map(Some).map_err(|e| format!("{key}={text}: {e}"))
 }
 
 impl Control {

@@ -68,7 +68,7 @@ impl Host {
         for line in text.lines().filter(|line| line.starts_with("frame ")) {
             let words: Vec<&str> = line.split(' ').collect();
             let [_, _, number, exposure, digest] = words[..] else { return Err(format!("\"{line}\"")) };
-            let number: u16 = number.parse().map_err(|_| format!("\"{line}\" has no number"))?;
+            let number: u16 = number.parse().map_err(|e| format!("\"{line}\": {e}"))?;
             let made = made(camera, number).ok_or(format!("frame {number} was never made"))?;
             if made.fate != Fate::Sent || Some(made.number) <= last {
                 return Err(format!("frame {number} came, which was {:?}, after {last:?}", made.fate));
