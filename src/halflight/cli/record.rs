@@ -135,8 +135,9 @@ pub struct RecordedFrames {
     digest: PixelDigest,
 }
 
-/// A frame that does not come within this time is given up.
-const PATIENCE_S: f64 = 5.0;
+/// A frame that does not come within this time is given up. A camera needs some 24 frames until it is known which exposure a
+/// frame had, and a slow one gives few a second.
+const PATIENCE_S: f64 = 60.0;
 /// Signals are looked for so often while no frame comes, seconds.
 const LOOK_EVERY_S: f64 = 0.25;
 
@@ -161,6 +162,10 @@ pub fn pump(
         let frame = match frames.next(deadline) {
             Ok(frame) => frame,
             Err(error) if error.kind == ErrorKind::Again && clock.now() < patience => continue,
+            Err(error) if error.kind == ErrorKind::Again => {
+                let why = format!("no frame of known exposure came within {PATIENCE_S} s");
+                return Err(CliError(why).with_status(exit::DEVICE));
+            }
             Err(error) if error.kind == ErrorKind::Ended => break,
             // What was recorded before the device went away is worth keeping.
             Err(error) if error.kind == ErrorKind::Reopen && seen.frames > 0 => {

@@ -4,6 +4,7 @@ use super::presets::PRESET_NAMES;
 pub use super::range::Range;
 use super::range::real;
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
+use super::values::{integer, number, optional, text, texts, word};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
@@ -27,30 +28,6 @@ pub struct Key {
     pub read: fn(&Settings) -> Value,
     /// Writes an admitted value into settings.
     pub write: fn(&mut Settings, &Value),
-}
-
-fn integer(value: &Value) -> i64 {
-    value.as_integer().unwrap_or_default()
-}
-
-fn number(value: &Value) -> f64 {
-    real(value).unwrap_or_default()
-}
-
-fn text(value: &Value) -> String {
-    value.as_str().unwrap_or_default().to_owned()
-}
-
-fn optional(number: Option<f64>) -> Value {
-    number.map_or(Value::Boolean(false), Value::Float)
-}
-
-fn texts(words: &[String]) -> Value {
-    Value::Array(words.iter().cloned().map(Value::String).collect())
-}
-
-fn word(word: &str) -> Value {
-    Value::String(word.to_owned())
 }
 
 macro_rules! key {

@@ -9,6 +9,7 @@ pub mod presets;
 pub mod range;
 pub mod resolve;
 pub mod settings;
+mod values;
 
 pub use resolve::{ConfigErrors, over, resolve};
 pub use settings::Settings;
