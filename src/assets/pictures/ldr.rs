@@ -68,6 +68,11 @@ pub fn linear(
     sized(file, width, height, picture.pixels().map(|p| p.0.map(&decode)).collect())
 }
 
+/// Bytes of a PNG file's signature and its first chunk, the header.
+const HEADER_END: usize = 33;
+/// The chunk by which a PNG file says that its values are sRGB: length, name, perceptual intent, checksum.
+const SRGB_CHUNK: [u8; 13] = [0, 0, 0, 1, b's', b'R', b'G', b'B', 0, 0xae, 0xce, 0x1c, 0xe9];
+
 /// Writes 8-bit samples as PNG.
 pub fn save(
     file: &Path,
@@ -87,5 +92,10 @@ pub fn save(
         ImageFormat::Png,
     )
     .map_err(|e| AssetError::new(file, "write PNG").cause(e))?;
-    whole::write(file, bytes.into_inner())
+    let mut bytes = bytes.into_inner();
+    // Behind the header, where other programs look for it.
+    if bytes.len() > HEADER_END {
+        bytes.splice(HEADER_END..HEADER_END, SRGB_CHUNK);
+    }
+    whole::write(file, bytes)
 }

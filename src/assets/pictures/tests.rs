@@ -116,6 +116,10 @@ fn hdr_comes_back_to_its_mantissa_and_png_as_it_is() {
     let bytes: Vec<[u8; 3]> = (0..60).map(|i| [i as u8, 255 - i as u8, 7]).collect();
     let small = Image::from_pixels(10, 6, bytes).unwrap();
     save_png(&png, &small).unwrap();
+    // It says that it is sRGB, with the right checksum.
+    let written = std::fs::read(&png).unwrap();
+    assert_eq!(&written[37..41], b"sRGB");
+    assert_eq!(written[42..46], png_crc(&written[37..42]).to_be_bytes());
     assert_eq!(load_rgb8(&png).unwrap(), small);
     assert!((load_radiance(&png).unwrap().hdr.radiance.at(0, 0)[1] - 1.0).abs() < 1e-6);
     let mask = Image::from_pixels(3, 2, vec![0u8, 1, 2, 253, 254, 255]).unwrap();

@@ -20,7 +20,7 @@ impl Film {
             // yuv420p and even sizes are what every player shows.
             .args([
                 "-vf",
-                "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
                 "-c:v",
                 "libx264",
                 "-pix_fmt",
@@ -28,7 +28,9 @@ impl Film {
                 "-crf",
                 "20",
             ])
-            .args(["-movflags", "+faststart"])
+            // The file says what its colours mean; a player that has to guess takes small films for BT.601.
+            .args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"])
+            .args(["-color_range", "tv", "-movflags", "+faststart"])
             .arg(path)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
