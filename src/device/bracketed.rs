@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 /// Frames in a row of unknown exposure after which brackets are given up: one exposure, which is always known, is worth more
 /// than none.
-const MOST_UNSURE: u32 = 120;
+const MOST_UNSURE: u32 = 90;
 /// Room for frames that wait, with some to spare.
 const ROOM: usize = 32;
 
@@ -133,7 +133,8 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         self.unsure_in_a_row = 0;
         let middle = scheduler.cycle()[scheduler.cycle().len() / 2];
         tracing::warn!(
-            "{}: no frame's exposure could be told for {MOST_UNSURE} frames; it goes on with one exposure, {:.2} ms",
+            "{}: no frame's exposure could be told for {MOST_UNSURE} frames: the camera does not do what it is told, or its pictures \
+             are not sRGB; it goes on with one exposure, {:.2} ms",
             self.device,
             1e3 * middle.time_s
         );
@@ -146,6 +147,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
 
 impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
     fn next(&mut self, deadline: Timestamp) -> Result<RawFrame, DeviceError> {
+        let mut has_come = false;
         loop {
             while let Some(frame) = self.ready.pop_front() {
                 // Middles move by half an exposure, so two frames may change places.
@@ -155,7 +157,14 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
                 }
                 self.counts.left_out += 1;
             }
-            let frame = self.camera.next(deadline)?;
+            let frame = match self.camera.next(deadline) {
+                Ok(frame) => frame,
+                Err(error) if error.kind == ErrorKind::Again && has_come => {
+                    return Err(DeviceError::working());
+                }
+                Err(error) => return Err(error),
+            };
+            has_come = true;
             self.take(frame)?;
         }
     }

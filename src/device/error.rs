@@ -7,6 +7,8 @@ use std::error::Error;
 pub enum ErrorKind {
     /// Nothing came in time; ask again.
     Again,
+    /// The device works, and has nothing to hand on yet; ask again. It is not silent.
+    Working,
     /// The device went away or lost its state; open it anew.
     Reopen,
     /// There is no more.
@@ -39,6 +41,11 @@ impl DeviceError {
     /// Nothing came by the deadline. Allocates nothing: it is no failure, and whoever asked knows the device.
     pub fn again() -> Self {
         Self { device: String::new(), action: String::new(), kind: ErrorKind::Again, source: None }
+    }
+
+    /// Something came by the deadline, of which nothing can be handed on yet. Allocates nothing.
+    pub fn working() -> Self {
+        Self { kind: ErrorKind::Working, ..Self::again() }
     }
 
     /// Adds the cause.

@@ -27,6 +27,8 @@ pub enum FakeStep {
     Flood,
     /// Gives nothing and keeps its deadline.
     Silence,
+    /// Has nothing to hand on yet, says that it works, and keeps its deadline.
+    Work,
     /// Gives nothing and ignores its deadline, until [`FakePort::release`].
     Deafness,
     /// Is pulled out.
@@ -208,6 +210,10 @@ impl<T> FakeDevice<T> {
             FakeStep::Silence => {
                 clock.wait_until(deadline);
                 Err(DeviceError::again())
+            }
+            FakeStep::Work => {
+                clock.wait_until(deadline);
+                Err(DeviceError::working())
             }
             FakeStep::Deafness => {
                 self.port.release.wait();

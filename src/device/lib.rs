@@ -1,8 +1,8 @@
 //! Layer 3, the door to the world: cameras, IMUs, displays, command links, recordings, clocks. Implementers owe what the
 //! traits say.
 //!
-//! Every device is asked with a deadline and answers with an item or with one of four [`ErrorKind`]s:
-//! `Again` = nothing came by the deadline, nothing is wrong; `Reopen` = the device went away or lost its state: drop it and
+//! Every device is asked with a deadline and answers with an item or with one of five [`ErrorKind`]s:
+//! `Again` = nothing came by the deadline, nothing is wrong; `Working` = the same, but the device is not silent; `Reopen` = the device went away or lost its state: drop it and
 //! open it anew; `Ended` = there is no more, ever; `Refused` = the request itself cannot be met, asking again is useless.
 //!
 //! What every implementer owes:
@@ -107,7 +107,11 @@ pub trait ImuSource: Send {
         loop {
             match self.next(deadline) {
                 Ok(sample) => out.push(sample),
-                Err(error) if matches!(error.kind, ErrorKind::Again | ErrorKind::Ended) => return Ok(()),
+                Err(error)
+                    if matches!(error.kind, ErrorKind::Again | ErrorKind::Working | ErrorKind::Ended) =>
+                {
+                    return Ok(());
+                }
                 Err(error) => return Err(error),
             }
         }

@@ -410,6 +410,7 @@ where
                         break AfterError::End;
                     }
                 }
+                Err(error) if error.kind == ErrorKind::Working => self.last_item = self.how.clock.now(),
                 Err(error) if error.kind == ErrorKind::Again => {
                     if let Some(error) = self.silence() {
                         break self.handle(error);
@@ -464,7 +465,7 @@ where
                 (self.deliver)(Delivery::Refused(error));
                 AfterError::End
             }
-            ErrorKind::Again | ErrorKind::Reopen => {
+            ErrorKind::Again | ErrorKind::Working | ErrorKind::Reopen => {
                 if std::mem::replace(&mut self.is_lost, true) {
                     tracing::debug!("{error}");
                     return AfterError::OpenAgain;

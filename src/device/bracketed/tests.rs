@@ -150,3 +150,43 @@ fn where_nothing_can_be_told_it_goes_on_with_one_exposure() {
     assert!(camera.next(Timestamp::NEVER).is_ok());
     assert_eq!(camera.scheduler.as_ref().unwrap().cycle().len(), 1);
 }
+
+#[test]
+fn a_camera_that_is_still_being_measured_is_not_silent() {
+    /// A camera that gives one frame, then nothing by the deadline.
+    struct OneByOne(SlowCamera, bool);
+    impl CaptureSource for OneByOne {
+        fn next(&mut self, deadline: Timestamp) -> Result<CapturedFrame, DeviceError> {
+            self.1 = !self.1;
+            if self.1 { self.0.next(deadline) } else { Err(DeviceError::again()) }
+        }
+
+        fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
+            self.0.set_exposures(exposures)
+        }
+
+        fn rig(&self) -> Option<Rig> {
+            None
+        }
+    }
+    impl ExposureControl for OneByOne {
+        fn write_exposure(&mut self, wish: Exposure) -> Result<Exposure, DeviceError> {
+            self.0.write_exposure(wish)
+        }
+
+        fn can_be_written(&self) -> bool {
+            true
+        }
+
+        fn times_are_starts(&self) -> bool {
+            true
+        }
+    }
+    let response = Response::srgb();
+    let slow = OneByOne(SlowCamera::new(3, false), false);
+    let developed = DevelopedCamera::new("slow", slow, response.clone(), SensorOptions::default()).unwrap();
+    let mut camera = BracketedCamera::new("slow", developed, &response);
+    camera.set_exposures(&cycle()).unwrap();
+    let first = camera.next(Timestamp(0)).unwrap_err();
+    assert_eq!(first.kind, ErrorKind::Working);
+}

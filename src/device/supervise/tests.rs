@@ -101,6 +101,10 @@ fn a_device_that_falls_silent_is_opened_again_where_silence_is_no_virtue() {
     assert_eq!(said, ["0.00 item 0", "0.30 lost", "0.40 back", "0.40 item 1", "0.40 ended"]);
     assert_eq!(counts.lost, 1);
     assert_eq!(played(FakeScript::Steps(steps), None).1.lost, 0);
+    // A device that says that it works is not silent.
+    let works =
+        vec![Item, FakeStep::Work, FakeStep::Work, FakeStep::Work, FakeStep::Work, Silence, Item, End];
+    assert_eq!(played(FakeScript::Steps(works), Some(0.25)).1.lost, 0);
 }
 
 #[test]

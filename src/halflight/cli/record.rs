@@ -161,8 +161,12 @@ pub fn pump(
         };
         let frame = match frames.next(deadline) {
             Ok(frame) => frame,
-            Err(error) if error.kind == ErrorKind::Again && clock.now() < patience => continue,
-            Err(error) if error.kind == ErrorKind::Again => {
+            Err(error)
+                if matches!(error.kind, ErrorKind::Again | ErrorKind::Working) && clock.now() < patience =>
+            {
+                continue;
+            }
+            Err(error) if matches!(error.kind, ErrorKind::Again | ErrorKind::Working) => {
                 let why = format!("no frame of known exposure came within {PATIENCE_S} s");
                 return Err(CliError(why).with_status(exit::DEVICE));
             }

@@ -281,7 +281,7 @@ fn wait_for_camera(
                 }
                 return Ok(Some(camera));
             }
-            Err(error) if matches!(error.kind, ErrorKind::Reopen | ErrorKind::Again) => {
+            Err(error) if matches!(error.kind, ErrorKind::Reopen | ErrorKind::Again | ErrorKind::Working) => {
                 if !std::mem::replace(&mut is_said, true) {
                     tracing::warn!("no camera yet, it is waited for: {error}");
                     say(&error);

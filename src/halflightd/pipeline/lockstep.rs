@@ -151,7 +151,7 @@ impl Lockstep {
 
     fn handle(&mut self, error: DeviceError, deadline: Timestamp) -> Filled {
         match error.kind {
-            ErrorKind::Again => {
+            ErrorKind::Again | ErrorKind::Working => {
                 self.clock.wait_until(deadline);
                 return Filled::Nothing;
             }
