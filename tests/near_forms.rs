@@ -90,7 +90,7 @@ fn greys(i: usize) -> [f32; 3] {
 fn a_single_light_is_taken_alike() {
     let known = Arc::new(lit_room::known_room(false));
     for taps in [1, 4] {
-        let quality = Quality { shadow_maps: 1, pcf_taps: taps, ..Quality::default() };
+        let quality = Quality { shadow_maps: 1, near_width_deg: 90.0, pcf_taps: taps, ..Quality::default() };
         let found = differences(&forms(&known, &quality, greys));
         let shadow = found.iter().filter(|d| d.0 > 8).count();
         let worst = found.iter().map(|d| d.1.abs()).max().unwrap();
@@ -114,8 +114,13 @@ fn nothing_gets_brighter_or_turns_over() {
     let background = |i: usize| [odd[i % odd.len()], odd[(i / 7) % odd.len()], odd[(i / 5) % odd.len()]];
     for sun in [false, true] {
         let known = Arc::new(lit_room::known_room(sun));
-        let quality =
-            Quality { shadow_maps: 30, pcf_taps: 2, near_form: NearForm::Ldr, ..Quality::default() };
+        let quality = Quality {
+            shadow_maps: 30,
+            near_width_deg: 90.0,
+            pcf_taps: 2,
+            near_form: NearForm::Ldr,
+            ..Quality::default()
+        };
         for background in [&background as &dyn Fn(usize) -> [f32; 3], &greys] {
             let [place, ldr] = draw(&known, &quality, background);
             let pairs =
@@ -130,7 +135,8 @@ fn nothing_gets_brighter_or_turns_over() {
 fn many_lights_show_the_known_errors() {
     let known = Arc::new(lit_room::known_room(false));
     let run = |lights: usize| {
-        let quality = Quality { shadow_maps: lights, pcf_taps: 1, ..Quality::default() };
+        let quality =
+            Quality { shadow_maps: lights, near_width_deg: 90.0, pcf_taps: 1, ..Quality::default() };
         let found = differences(&forms(&known, &quality, |_| [0.7; 3]));
         let shadow: Vec<_> = found.into_iter().filter(|d| d.0 > 2).collect();
         let mean = shadow.iter().map(|d| f64::from(d.1)).sum::<f64>() / shadow.len() as f64;

@@ -48,7 +48,7 @@ fn draw(known: &Arc<KnownRoom>, scene: &Scene, posed: &Posed, lens: &Lens, pose:
     background.radiance.reshape(SIZE.0 as usize, SIZE.1 as usize, [1.0; 3]);
     background.flags.reshape(SIZE.0 as usize, SIZE.1 as usize, 0);
     let light = Lights::soft(RadianceSh::zero(4));
-    let quality = Quality { shadow_maps: 50, ..Quality::default() };
+    let quality = Quality { shadow_maps: 50, near_width_deg: 90.0, ..Quality::default() };
     let mut plan = FramePlan::default();
     effects::plan(&effects::Occasion::SHOW, scene, &light, &quality, &mut plan);
     let mut engine = CpuEngine::new(None).unwrap();

@@ -90,7 +90,7 @@ fn draw(suns: &[RoomSun], shadow_maps: usize) -> Drawn {
         shown_exposure: Exposure { time_s: 0.7, gain: 1.0 },
         t: Timestamp(0),
     };
-    let quality = Quality { shadow_maps, coverage_samples: 1, ..Quality::default() };
+    let quality = Quality { shadow_maps, near_width_deg: 90.0, coverage_samples: 1, ..Quality::default() };
     let mut engine = CpuEngine::new(None).unwrap();
     engine.load_room(Some(Arc::clone(&known))).unwrap();
     engine.load_scene(&scene).unwrap();

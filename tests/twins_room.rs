@@ -162,7 +162,7 @@ fn matches(backend: Backend) {
     println!("{}", engine.description());
     let mut cpu = CpuEngine::new(None).unwrap();
     let radial = Distortion::RadialTangential([-0.25, 0.06, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0]);
-    let base = Quality { coverage_samples: 1, ..Quality::default() };
+    let base = Quality { near_width_deg: 90.0, coverage_samples: 1, ..Quality::default() };
     let shots = [
         ("hard", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 1, ..base }),
         ("soft", Distortion::None, false, Quality { shadow_maps: 20, pcf_taps: 4, ..base }),
@@ -240,7 +240,13 @@ fn matches(backend: Backend) {
 /// the passes run.
 fn objects_match(mut engine: GpuEngine, cpu: &mut CpuEngine) {
     let known = Arc::new(lit_room::known_room(true));
-    let quality = Quality { shadow_maps: 20, pcf_taps: 2, coverage_samples: 1, ..Quality::default() };
+    let quality = Quality {
+        shadow_maps: 20,
+        near_width_deg: 90.0,
+        pcf_taps: 2,
+        coverage_samples: 1,
+        ..Quality::default()
+    };
     let shot = Shot::new(&known, Distortion::None, &quality, true);
     cpu.load_room(Some(Arc::clone(&known))).unwrap();
     cpu.load_scene(&shot.scene).unwrap();

@@ -1,8 +1,7 @@
 //! One thread for each device: opened, asked for items, opened anew when it was lost, and never waited for in vain.
-//!
 //! The thread opens the device and asks it for one item after the other, each time with a deadline from the [`Budget`].
-//! `Again` asks once more. `Reopen`, a panic, or silence for too long closes the device and opens it again after 0.1 s, then
-//! 0.2 s, doubling to 2 s, until an item comes. `Refused` and `Ended` end the thread. What happens is said to `deliver`.
+//! `Again` and `Working` ask once more. `Reopen`, a panic, or silence for too long closes the device and opens it again after
+//! 0.1 s, then 0.2 s, doubling to 2 s, until an item comes. `Refused` and `Ended` end the thread. What happens is said to `deliver`.
 
 use crate::clock::{Clock, Signal};
 use crate::model::time::Timestamp;

@@ -173,7 +173,7 @@ impl Artist<'_> {
         let mut sheet = FigureSheet::new("shadow maps: picture, cast shadows, maps", counts.len());
         for view in [PictureView::Final, PictureView::Cast, PictureView::Maps] {
             for shadow_maps in counts {
-                let quality = Quality { shadow_maps, ..self.quality };
+                let quality = Quality { shadow_maps, near_width_deg: 90.0, ..self.quality };
                 let picture = match view {
                     PictureView::Maps => {
                         let light = self.halved(&quality);
