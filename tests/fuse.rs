@@ -1,6 +1,7 @@
 //! The gyroscope carries the camera's rotation where the tag is out of sight, on sequences with exact truth. The tags' poses
 //! are the true ones here, and mounting and time offset of the sensor are known: this is the prediction alone, not the
 //! detector and not calibration.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

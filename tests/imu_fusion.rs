@@ -1,5 +1,6 @@
 //! VQF as this program calls it, on real sensors with optical truth, against its authors' own implementation on the same samples:
 //! the package `vqf` 2.1 of Python (C++ inside), sampling time 1/285.714285 s, its own parameters, 6D.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;
 

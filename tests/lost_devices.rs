@@ -1,5 +1,6 @@
 //! A device that is lost a thousand times leaves no thread and no descriptor behind. Alone in its process, since it counts
 //! those of the whole process. Goes through `device::supervise` and a fake device; not through the pipeline.
+#![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 use halflight::device::clock::ManualClock;
 use halflight::device::fake::{FakeDevice, FakePort, FakeScript, FakeStep};

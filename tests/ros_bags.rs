@@ -31,7 +31,7 @@ impl Cdr {
     }
 
     fn put<const N: usize>(&mut self, mut little: [u8; N]) -> &mut Self {
-        while (self.bytes.len() - 4) % N != 0 {
+        while !(self.bytes.len() - 4).is_multiple_of(N) {
             self.bytes.push(0);
         }
         if !self.is_little {

@@ -1,4 +1,5 @@
 //! Tags out of focus, in noise and from the side: how far off their corners are, and whether the stated sigma is true.
+#![allow(clippy::approx_constant, reason = "any angle will do")]
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;

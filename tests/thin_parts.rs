@@ -1,4 +1,5 @@
 //! Soft shadows of thin things, made by rule: what spheres and boxes take of an even sky, against rays.
+#![allow(clippy::approx_constant, reason = "any angle will do")]
 #![allow(clippy::unwrap_used, reason = "a test's functions fail as the test does")]
 
 mod support;

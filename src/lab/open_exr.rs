@@ -3,6 +3,10 @@
 //! The picture is the display window: what the data window lacks of it is 0, what it has beyond is left out. Colours come out in
 //! our space, Rec. 709 primaries and D65 white, whatever the file's `chromaticities` say. Of several parts the first that has
 //! R, G and B (or Y alone) is read.
+#![allow(
+    clippy::field_reassign_with_default,
+    reason = "attributes have dozens of fields, of which few are stated"
+)]
 
 use crate::{
     assets::{

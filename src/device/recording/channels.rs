@@ -235,7 +235,7 @@ impl Channels {
     fn part_of_late(&mut self, channel: &Channel) -> Option<Topic> {
         let part = self.by_name(&channel.name).or_else(|| {
             let part = part_of(&channel.schema)?;
-            let is_free = !self.wanted.0.contains_key(&part) && self.taken.get(&part).is_none();
+            let is_free = !self.wanted.0.contains_key(&part) && !self.taken.contains_key(&part);
             (is_free || self.taken.get(&part) == Some(&channel.name)).then_some(part)
         })?;
         self.taken.entry(part).or_insert_with(|| Arc::clone(&channel.name));

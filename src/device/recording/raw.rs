@@ -192,7 +192,8 @@ mod tests {
 
     #[test]
     fn bytes_stand_where_their_encoding_says() {
-        let orders: [(&str, fn([u8; 3]) -> Vec<u8>); 4] = [
+        type Laid = fn([u8; 3]) -> Vec<u8>;
+        let orders: [(&str, Laid); 4] = [
             ("rgb8", |[r, g, b]| vec![r, g, b]),
             ("bgr8", |[r, g, b]| vec![b, g, r]),
             ("rgba8", |[r, g, b]| vec![r, g, b, 77]),
@@ -230,7 +231,7 @@ mod tests {
     fn both_orders_of_yuv_422_and_nv12_give_one_picture() {
         let y = |x: usize, row: usize| (60 + 30 * x + 10 * row) as u8;
         let (blue, red) = (100u8, 160u8);
-        let pair = |x: usize| if x % 2 == 0 { blue } else { red };
+        let pair = |x: usize| if x.is_multiple_of(2) { blue } else { red };
         let (step, uyvy) = rows(|x, row| vec![pair(x), y(x, row)]);
         let (_, yuyv) = rows(|x, row| vec![y(x, row), pair(x)]);
         let image = read("uyvy", step, &uyvy).unwrap();

@@ -117,8 +117,11 @@ pub struct FollowedFile {
     /// Its content when the settings were read.
     pub content: String,
     /// All settings as a content of the file, and whatever wins over it, say; or every mistake.
-    pub read: Box<dyn Fn(&str) -> Result<Settings, String> + Send>,
+    pub read: ReadSettings,
 }
+
+/// From a file's content to settings, or every mistake in it.
+pub type ReadSettings = Box<dyn Fn(&str) -> Result<Settings, String> + Send>;
 
 /// Whoever drops the thread's handle waits for it so long, seconds: bodies that are being dressed then are left to it.
 const LONGEST_STOP_S: f64 = 0.5;

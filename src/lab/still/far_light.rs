@@ -35,6 +35,7 @@ pub struct FarLight {
 
 /// What is known of distant light.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "a still has one of them")]
 pub enum KnownLight {
     /// The same radiance from everywhere; nothing hard is hidden in it.
     Uniform([f32; 3]),
