@@ -67,7 +67,7 @@ const VERBS: [VerbHelp; 17] = [
 ];
 
 /// Keys of settings that have a flag.
-const FLAGS: [(&str, &str); 24] = [
+const FLAGS: [(&str, &str); 25] = [
     ("preset", "quality.preset"),
     ("front", "quality.front"),
     ("sh_order", "light.order"),
@@ -82,6 +82,7 @@ const FLAGS: [(&str, &str); 24] = [
     ("self_shadow", "quality.self_shadow"),
     ("phong_norm", "quality.phong_norm"),
     ("shadow_maps", "quality.shadow_maps"),
+    ("near_width_deg", "quality.near_width_deg"),
     ("shadow_map_texels", "quality.shadow_map_texels"),
     ("pcf_taps", "quality.pcf_taps"),
     ("effects", "quality.effects"),

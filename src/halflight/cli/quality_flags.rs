@@ -56,6 +56,9 @@ pub struct QualityFlags {
     /// Shadow maps that compact lights share.
     #[arg(long, value_name = "N")]
     pub shadow_maps: Option<i64>,
+    /// How wide near lights of a known room may be on average; while they are wider, more are drawn.
+    #[arg(long, value_name = "DEG")]
+    pub near_width_deg: Option<f64>,
     /// Shadow map texels a side.
     #[arg(long, value_name = "N")]
     pub shadow_map_texels: Option<i64>,
@@ -104,6 +107,7 @@ impl QualityFlags {
             ("--self-shadow", "quality.self_shadow", word(&self.self_shadow)),
             ("--phong-norm", "quality.phong_norm", word(&self.phong_norm)),
             ("--shadow-maps", "quality.shadow_maps", whole(self.shadow_maps)),
+            ("--near-width-deg", "quality.near_width_deg", self.near_width_deg.map(Value::Float)),
             ("--shadow-map-texels", "quality.shadow_map_texels", whole(self.shadow_map_texels)),
             ("--pcf-taps", "quality.pcf_taps", whole(self.pcf_taps)),
             ("--effects", "quality.effects", word(&self.effects)),
@@ -146,6 +150,7 @@ mod tests {
             self_shadow: Some("openness".into()),
             phong_norm: Some("paper".into()),
             shadow_maps: Some(3),
+            near_width_deg: Some(20.0),
             shadow_map_texels: Some(512),
             pcf_taps: Some(8),
             effects: Some("all".into()),
@@ -160,6 +165,7 @@ mod tests {
         let quality = settings.quality;
         assert_eq!(settings.front, "here.json");
         assert_eq!((quality.sh_order, quality.shadow_maps, quality.pcf_taps), (6, 3, 8));
+        assert_eq!(quality.near_width_deg, 20.0);
         assert_eq!((quality.directions, quality.soft_step_px, quality.shadow_map_texels), (256, 2, 512));
         assert_eq!((quality.lights, quality.spheres), (2, 12));
         assert!(quality.dering && !before.dering);

@@ -73,7 +73,7 @@ pub const AXES: [AccuracyAxis; 20] = [
         true,
         &[I(1), I(2), I(3), I(4), I(6), I(8), I(12), I(16), I(24), I(32), I(48), I(64)],
     ),
-    axis("quality.near_width_deg", Room, true, &[F(90.0), F(16.0), F(8.0), F(4.0)]),
+    axis("quality.near_width_deg", Room, false, &[F(90.0), F(16.0), F(8.0), F(4.0)]),
     axis("quality.shadow_map_texels", Any, true, &[I(128), I(256), I(512), I(1024), I(2048)]),
     axis("quality.pcf_taps", Any, true, &[I(1), I(2), I(3), I(4), I(6), I(8)]),
     axis("quality.coverage_samples", Any, true, &[I(1), I(4)]),
