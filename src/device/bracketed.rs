@@ -132,6 +132,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         }
         self.unsure_in_a_row = 0;
         let middle = scheduler.cycle()[scheduler.cycle().len() / 2];
+        tracing::debug!("{}: {:?}", self.device, scheduler.report());
         tracing::warn!(
             "{}: no frame's exposure could be told for {MOST_UNSURE} frames: the camera does not do what it is told, or its pictures \
              are not sRGB; it goes on with one exposure, {:.2} ms",

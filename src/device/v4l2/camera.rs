@@ -33,6 +33,8 @@ pub struct V4l2Camera<N: VideoNode> {
     granted: Granted,
     frames_per_s: f64,
     times_are_starts: bool,
+    /// Damaged frames when the last good one came.
+    damaged_before: u64,
 }
 
 impl<N: VideoNode> V4l2Camera<N> {
@@ -77,6 +79,7 @@ impl<N: VideoNode> V4l2Camera<N> {
             granted,
             frames_per_s,
             times_are_starts: true,
+            damaged_before: 0,
         };
         camera.told = camera.exposure.as_ref().map_or(camera.told, |manual| manual.nearest(camera.told));
         Ok(camera)
@@ -126,18 +129,18 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
     /// The frame's exposure is what the camera was last told, which may not be in force yet: `device::bracket` says which it
     /// was.
     fn next(&mut self, deadline: Timestamp) -> Result<CapturedFrame, DeviceError> {
-        let damaged = self.stream.counts().damaged;
         loop {
             let left = deadline.0.saturating_sub(self.clock.now().0).max(0);
             let longest = Duration::from_nanos(left as u64);
             match self.stream.next(longest) {
                 Ok(StreamedPicture { sequence, filled, pixels }) => {
+                    self.damaged_before = self.stream.counts().damaged;
                     self.times_are_starts = filled.at_start && filled.is_monotonic;
                     let t_mid = self.middle_of(&filled);
                     return Ok(CapturedFrame { sequence, t_mid, exposure: self.told, pixels });
                 }
                 Err(StreamError::Nothing)
-                    if self.stream.counts().damaged - damaged > MOST_DAMAGED_IN_A_ROW =>
+                    if self.stream.counts().damaged - self.damaged_before > MOST_DAMAGED_IN_A_ROW =>
                 {
                     let action = format!("{MOST_DAMAGED_IN_A_ROW} damaged frames in a row");
                     return Err(DeviceError::new(&self.device, action, ErrorKind::Reopen));

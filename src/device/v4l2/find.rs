@@ -65,11 +65,17 @@ pub fn open(name: &str, options: &V4l2Options) -> Result<(KernelNode, FoundNode)
         (NodeWish::Path(path), None) => path.clone(),
         (NodeWish::Path(path), Some(before)) if is_same(path, before) => path.clone(),
         (_, Some(before)) => {
-            let again = nodes().cameras.into_iter().find(|camera| camera.facts.card == before.card);
-            again.map(|camera| camera.path).ok_or_else(|| {
-                let action = format!("find \"{}\" again", before.card);
-                DeviceError::new(&device, action, ErrorKind::Reopen)
-            })?
+            let cameras = nodes().cameras;
+            let same_place = |c: &&FoundNode| c.facts.card == before.card && c.facts.bus == before.bus;
+            let again = cameras.iter().find(same_place);
+            match again.or_else(|| cameras.iter().find(|c| c.facts.card == before.card)) {
+                Some(camera) => camera.path.clone(),
+                // Another camera, where the name allows for one.
+                None => match wish {
+                    NodeWish::Path(path) => path.clone(),
+                    NodeWish::Card(_) | NodeWish::Any => named(&device, wish, pictures)?,
+                },
+            }
         }
         (NodeWish::Card(_) | NodeWish::Any, None) => named(&device, wish, pictures)?,
     };
@@ -82,10 +88,9 @@ pub fn open(name: &str, options: &V4l2Options) -> Result<(KernelNode, FoundNode)
         );
         return Err(DeviceError::new(&device, action, ErrorKind::Refused));
     }
-    if before.is_none() {
-        let mut opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-        opened.push((name.to_owned(), facts.clone()));
-    }
+    let mut opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
+    opened.retain(|(known, _)| known != name);
+    opened.push((name.to_owned(), facts.clone()));
     Ok((node, FoundNode { path, facts }))
 }
 

@@ -296,7 +296,7 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
     }
     refuse_existing(&a.out, a.force)?;
     let mut opened = open::open(&device)?;
-    if !opened.frames.delivers_at_once() {
+    if !opened.frames.delivers_at_once() || !a.exposures_s.is_empty() {
         let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
         let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();
         tracing::info!("exposures in turn: {} s", times.join(", "));

@@ -59,6 +59,12 @@ pub fn run_from(
     let Prepared { source, imu, mut pipeline, .. } = prepared;
     let counts = match settings.mode {
         RunMode::Lockstep => {
+            if !settings.imu.is_empty() {
+                tracing::warn!(
+                    "device.imu = \"{}\" is left out: lockstep takes the source's own sensor",
+                    settings.imu
+                );
+            }
             let mut lockstep = Lockstep::new(inbox, source, imu, ManualClock::default())
                 .looking_ahead(settings.search_ahead);
             turns::run(&mut lockstep, &mut pipeline, sink, settings.frames)?
