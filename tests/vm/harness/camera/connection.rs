@@ -94,6 +94,9 @@ impl Camera {
                 self.send(kind::CONFIGURATION_STATUS, packet.id, [&[status::DONE, 1], &[]]);
             }
             kind::SET_ALTERNATE => {
+                // A driver that takes the camera begins so; a stream whose transfers had all been answered when its driver was
+                // taken away has ended without any other word.
+                self.stop();
                 self.send(kind::ALTERNATE_STATUS, packet.id, [&[status::DONE, byte(0), byte(1)], &[]]);
             }
             kind::GET_ALTERNATE => {
@@ -138,6 +141,8 @@ impl Camera {
             Answer::Written(name, value) => self.writes.push((self.made.len() as u64, name, value)),
             Answer::Started => {
                 self.stop_frame();
+                // Frames that the stream before did not take are lost with it.
+                self.pacing.forget_untaken();
                 self.is_streaming = true;
             }
             Answer::Done => {}

@@ -61,6 +61,11 @@ impl Pacing {
         self.untaken += 1;
     }
 
+    /// A stream begins, whose buffers may be queued already: nothing was sent to it.
+    pub fn forget_untaken(&mut self) {
+        self.untaken = 0;
+    }
+
     /// The stream has ended, and its buffers with it.
     pub fn ended(&mut self) {
         self.queued.clear();
@@ -87,6 +92,14 @@ mod tests {
         pacing.sent();
         pacing.note(Buffer::Taken(1));
         assert!(!pacing.may_send(), "no buffer is left");
+        for buffer in [Buffer::Taken(1), Buffer::Queued(3)] {
+            pacing.note(buffer);
+        }
+        pacing.sent();
+        pacing.note(Buffer::Queued(4));
+        assert!(!pacing.may_send(), "a frame that its program never took");
+        pacing.forget_untaken();
+        assert!(pacing.may_send(), "the next program waits for its own");
         assert_eq!(Buffer::of_line("q12\r"), Some(Buffer::Queued(12)));
         assert_eq!(Buffer::of_line(""), None);
     }
