@@ -53,6 +53,7 @@ impl FrameSource for TwoPictures {
             exposure: Exposure { time_s: [0.002, 0.008][which], gain: 1.0 },
             pixels: Arc::clone(&self.pictures[which]),
             row_time_s: 0.0,
+            response: None,
         })
     }
 

@@ -70,6 +70,7 @@ fn frame(i: u64) -> RawFrame {
         exposure: Exposure { time_s: [1.0 / 3840.0, 1.0 / 480.0, 1.0 / 60.0][i as usize % 3], gain: 1.5 },
         pixels: Arc::new(Rgb8Image::from_pixels(SIZE.0, SIZE.1, pixels).unwrap()),
         row_time_s: 0.0,
+        response: None,
     }
 }
 

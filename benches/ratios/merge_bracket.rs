@@ -133,6 +133,7 @@ fn sliding_ms() -> f64 {
             exposure: Exposure { time_s: f64::from(times_s[k]), gain: 1.0 },
             pixels: Arc::clone(&pictures[k]),
             row_time_s: 0.0,
+            response: None,
         };
         ring.push(&frame, Some(Pose::look_at(eye, DVec3::ZERO, DVec3::Z))).expect("a sound frame");
         ring.merge(&response, &mut out).expect("a sound bracket");

@@ -3,8 +3,14 @@
 //!
 //! Each frame asks for the next write, which is done at once; frames wait (at most nine) until it is settled what they were
 //! exposed with. A frame of which nobody can know is left out and counted.
+//!
+//! Where nobody has said what the camera's values mean, that is found first (`bracket::response`), from some 50 frames that are
+//! not handed on. It is kept for when the camera comes back.
 
-use crate::bracket::{Attribution, FrameSeen, Report, Scheduler, Thumbnail, ThumbnailReader};
+use crate::bracket::{
+    Attribution, FrameSeen, Report, Scheduler, Thumbnail, ThumbnailReader,
+    response::{ResponseSearch, SearchStep},
+};
 use crate::developed::{CaptureSource, DevelopedCamera};
 use crate::model::{
     frame::{Exposure, RawFrame},
@@ -14,10 +20,15 @@ use crate::model::{
 };
 use crate::{DeviceError, ErrorKind, FrameSource};
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Frames in a row of unknown exposure after which brackets are given up: one exposure, which is always known, is worth more
 /// than none.
 const MOST_UNSURE: u32 = 90;
+/// Frames with one exposure before the response is looked for again, where nothing could be known; doubled each time.
+const SEARCH_AGAIN_AFTER: u32 = 300;
+/// The longest exposure of a search, seconds: a longer one slows a camera of 30 frames a second down.
+const LONGEST_SEARCHED_S: f64 = 1.0 / 30.0;
 /// Room for frames that wait, with some to spare.
 const ROOM: usize = 32;
 
@@ -32,6 +43,46 @@ pub trait ExposureControl {
 
     /// Returns whether the driver's times are the start of an exposure; else they are its end.
     fn times_are_starts(&self) -> bool;
+}
+
+/// The response that was found last, and of which camera: it holds when that camera comes back.
+#[derive(Clone, Debug, Default)]
+pub struct FoundResponse(Arc<Mutex<Option<(String, Arc<Response>)>>>);
+
+impl FoundResponse {
+    fn of(&self, identity: &str) -> Option<Arc<Response>> {
+        let found = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        found.as_ref().filter(|(of, _)| of == identity).map(|(_, response)| Arc::clone(response))
+    }
+
+    fn keep(&self, identity: String, response: &Arc<Response>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((identity, Arc::clone(response)));
+    }
+}
+
+/// What is known of a camera's response.
+#[derive(Clone, Debug)]
+pub enum CameraResponse {
+    /// Somebody has said it.
+    Stated(Response),
+    /// It is to be found where exposures can be written; sRGB until then.
+    ToFind(FoundResponse),
+}
+
+impl Default for CameraResponse {
+    fn default() -> Self {
+        Self::ToFind(FoundResponse::default())
+    }
+}
+
+impl CameraResponse {
+    /// What is stated, else sRGB.
+    pub fn at_first(&self) -> Response {
+        match self {
+            Self::Stated(response) => response.clone(),
+            Self::ToFind(_) => Response::srgb(),
+        }
+    }
 }
 
 /// What became of the frames so far.
@@ -56,22 +107,39 @@ pub struct BracketedCamera<S> {
     newest: Option<Timestamp>,
     unsure_in_a_row: u32,
     counts: BracketCounts,
+    to_find: Option<FoundResponse>,
+    search: Option<ResponseSearch>,
+    found: Option<Arc<Response>>,
+    /// The exposures that were asked for.
+    cycle: Vec<Exposure>,
+    /// Frames until the response is looked for again, and how many it will be the next time.
+    search_again: Option<u32>,
+    next_pause: u32,
 }
 
 impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
-    /// `response` is that of the developed pictures.
-    pub fn new(device: impl Into<String>, camera: DevelopedCamera<S>, response: &Response) -> Self {
+    /// `response` is that of the developed pictures; `camera` has been given [`CameraResponse::at_first`].
+    pub fn new(device: impl Into<String>, camera: DevelopedCamera<S>, response: CameraResponse) -> Self {
         Self {
             device: device.into(),
             camera,
             scheduler: None,
-            reader: ThumbnailReader::new(response),
+            reader: ThumbnailReader::new(&response.at_first()),
             thumbnail: Thumbnail::default(),
             waiting: VecDeque::with_capacity(ROOM),
             ready: VecDeque::with_capacity(ROOM),
             newest: None,
             unsure_in_a_row: 0,
             counts: BracketCounts::default(),
+            to_find: match response {
+                CameraResponse::ToFind(found) => Some(found),
+                CameraResponse::Stated(_) => None,
+            },
+            search: None,
+            found: None,
+            cycle: Vec::new(),
+            search_again: None,
+            next_pause: SEARCH_AGAIN_AFTER,
         }
     }
 
@@ -86,11 +154,21 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
     }
 
     fn take(&mut self, frame: RawFrame) -> Result<(), DeviceError> {
-        let Some(scheduler) = &mut self.scheduler else {
+        if self.scheduler.is_none() {
             self.ready.push_back(frame);
             return Ok(());
-        };
+        }
         self.reader.read(&frame.pixels, &mut self.thumbnail);
+        if self.search.is_some() {
+            return self.look_for_response(&frame);
+        }
+        self.attribute(frame)?;
+        self.give_up_where_nothing_is_known();
+        self.look_again_later()
+    }
+
+    fn attribute(&mut self, frame: RawFrame) -> Result<(), DeviceError> {
+        let Some(scheduler) = &mut self.scheduler else { return Ok(()) };
         let sequence = frame.sequence;
         // What the driver said is what it was told last, which is no statement about this frame.
         scheduler.frame(FrameSeen { sequence, t: frame.t_mid, stated: None, thumbnail: &self.thumbnail });
@@ -110,6 +188,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
                     let moved_s = if at_start { longer_s } else { -longer_s };
                     frame.t_mid = Timestamp(frame.t_mid.0.saturating_add((moved_s * 1e9) as i64));
                     frame.exposure = exposure;
+                    frame.response.clone_from(&self.found);
                     self.counts.known += 1;
                     self.unsure_in_a_row = 0;
                     self.ready.push_back(frame);
@@ -121,8 +200,87 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
                 Attribution::Duplicate | Attribution::Late => self.counts.left_out += 1,
             }
         }
-        self.give_up_where_nothing_is_known();
         Ok(())
+    }
+
+    /// One frame of the search.
+    fn look_for_response(&mut self, frame: &RawFrame) -> Result<(), DeviceError> {
+        let Some(search) = &mut self.search else { return Ok(()) };
+        self.counts.left_out += 1;
+        // A sensor's own values are coded here, so their response is known.
+        let mut step = match self.camera.is_coded_here() {
+            true => SearchStep::Finish,
+            false => search.frame(&frame.pixels, &self.thumbnail),
+        };
+        while let SearchStep::Write(wish) = step {
+            let taken = self.camera.source_mut().write_exposure(wish)?;
+            step = search.written(taken);
+        }
+        if step == SearchStep::Finish
+            && let Some(search) = self.search.take()
+        {
+            match search.finish() {
+                _ if self.camera.is_coded_here() => {}
+                Ok(response) => self.use_found(Arc::new(response)),
+                Err(why) => {
+                    tracing::warn!(
+                        "{}: its response cannot be told from its pictures, sRGB is taken: {why}",
+                        self.device
+                    );
+                    self.search_again = Some(self.next_pause);
+                    self.next_pause = self.next_pause.saturating_mul(2);
+                }
+            }
+            self.begin_cycle()?;
+        }
+        Ok(())
+    }
+
+    fn use_found(&mut self, response: Arc<Response>) {
+        let identity = self.camera.source_mut().identity();
+        if let Some(found) = self.to_find.as_ref().filter(|_| !identity.is_empty()) {
+            found.keep(identity, &response);
+        }
+        self.reader = ThumbnailReader::new(&response);
+        self.camera.state_response(Response::clone(&response));
+        self.found = Some(response);
+        tracing::info!("{}: its response was found from its own exposures", self.device);
+    }
+
+    /// Looks for the response where there is something to find and to see.
+    fn begin_search(&mut self) -> Result<(), DeviceError> {
+        let Some(first) = self.cycle.get(self.cycle.len() / 2).copied() else { return Ok(()) };
+        let times = self.cycle.iter().map(|e| e.time_s);
+        let (shortest_s, longest_s) = times.fold((f64::INFINITY, 0.0f64), |(s, l), t| (s.min(t), l.max(t)));
+        let taken = self.camera.source_mut().write_exposure(first)?;
+        let longest_s = (2.0 * longest_s).min(LONGEST_SEARCHED_S.max(longest_s));
+        self.search = Some(ResponseSearch::new(taken, 0.5 * shortest_s, longest_s));
+        Ok(())
+    }
+
+    fn begin_cycle(&mut self) -> Result<(), DeviceError> {
+        let refused =
+            |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
+        self.scheduler = Some(Scheduler::new(&self.cycle).map_err(refused)?);
+        self.waiting.clear();
+        self.unsure_in_a_row = 0;
+        Ok(())
+    }
+
+    /// Counts the frames with one exposure, and looks for the response again after some.
+    fn look_again_later(&mut self) -> Result<(), DeviceError> {
+        let has_one = self.scheduler.as_ref().is_some_and(|s| s.cycle().len() == 1);
+        match self.search_again.as_mut().filter(|_| has_one && self.cycle.len() > 1) {
+            Some(0) => {
+                self.search_again = None;
+                self.begin_search()
+            }
+            Some(left) => {
+                *left -= 1;
+                Ok(())
+            }
+            None => Ok(()),
+        }
     }
 
     fn give_up_where_nothing_is_known(&mut self) {
@@ -134,8 +292,8 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         let middle = scheduler.cycle()[scheduler.cycle().len() / 2];
         tracing::debug!("{}: {:?}", self.device, scheduler.report());
         tracing::warn!(
-            "{}: no frame's exposure could be told for {MOST_UNSURE} frames: the camera does not do what it is told, or its pictures \
-             are not sRGB; it goes on with one exposure, {:.2} ms",
+            "{}: no frame's exposure could be told for {MOST_UNSURE} frames: the camera does not do what it is told, or its response is \
+             not the one that is used; it goes on with one exposure, {:.2} ms",
             self.device,
             1e3 * middle.time_s
         );
@@ -179,9 +337,21 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
         }
         let refused =
             |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
+        self.cycle.clone_from(&taken);
         match &mut self.scheduler {
-            Some(scheduler) => scheduler.set_cycle(&taken).map_err(refused)?,
+            Some(scheduler) => {
+                scheduler.set_cycle(&taken).map_err(refused)?;
+                return Ok(taken);
+            }
             none => *none = Some(Scheduler::new(&taken).map_err(refused)?),
+        }
+        let identity = self.camera.source_mut().identity();
+        match self.to_find.as_ref().filter(|_| taken.len() > 1) {
+            None => {}
+            Some(found) => match found.of(&identity) {
+                Some(response) => self.use_found(response),
+                None => self.begin_search()?,
+            },
         }
         Ok(taken)
     }

@@ -6,6 +6,7 @@
 use crate::hdr::develop::{Developer, SensorOptions};
 use crate::model::{
     frame::{CapturedFrame, Exposure, RawFrame},
+    pixels::PixelFormat,
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -22,6 +23,12 @@ pub trait CaptureSource: Send {
 
     /// As [`FrameSource::rig`].
     fn rig(&self) -> Option<Rig>;
+
+    /// The camera as such, whatever its place today: what was found out about it holds when it comes back. Empty where
+    /// nothing tells it from others.
+    fn identity(&self) -> String {
+        String::new()
+    }
 }
 
 /// Develops what a driver captures.
@@ -30,6 +37,8 @@ pub struct DevelopedCamera<S> {
     source: S,
     developer: Developer,
     response: Response,
+    /// The newest frame came as a sensor's own linear values, which were put through the response here.
+    is_coded_here: bool,
     /// Frames in a row that could not be developed.
     broken: u32,
     broken_in_all: u64,
@@ -50,7 +59,17 @@ impl<S: CaptureSource> DevelopedCamera<S> {
         let device = device.into();
         let developer = Developer::new(&response, sensor)
             .map_err(|e| DeviceError::new(&device, "develop its pictures", ErrorKind::Refused).because(e))?;
-        Ok(Self { device, source, developer, response, broken: 0, broken_in_all: 0 })
+        Ok(Self { device, source, developer, response, is_coded_here: false, broken: 0, broken_in_all: 0 })
+    }
+
+    /// Returns whether the newest frame came as linear values: its 8-bit values mean what the response says, and nothing is to be found out.
+    pub fn is_coded_here(&self) -> bool {
+        self.is_coded_here
+    }
+
+    /// States what the camera's own 8-bit values have been found to mean.
+    pub fn state_response(&mut self, response: Response) {
+        self.response = response;
     }
 
     /// The driver.
@@ -73,8 +92,9 @@ impl<S: CaptureSource> FrameSource for DevelopedCamera<S> {
                 Ok(pixels) => {
                     self.broken = 0;
                     let row_time_s = captured.pixels.layout().row_time_s;
+                    self.is_coded_here = matches!(captured.pixels.layout().format, PixelFormat::Bayer(..));
                     let CapturedFrame { sequence, t_mid, exposure, .. } = captured;
-                    return Ok(RawFrame { sequence, t_mid, exposure, pixels, row_time_s });
+                    return Ok(RawFrame { sequence, t_mid, exposure, pixels, row_time_s, response: None });
                 }
                 Err(error) => error,
             };

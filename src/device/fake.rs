@@ -264,6 +264,7 @@ impl FakeCamera {
                 .unwrap_or(Exposure { time_s: 0.01, gain: 1.0 }),
             pixels: Arc::clone(&pixels),
             row_time_s: 0.0,
+            response: None,
         })
     }
 

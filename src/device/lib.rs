@@ -31,6 +31,7 @@ pub mod null_display;
 pub mod open;
 pub mod pace;
 pub mod parameters;
+pub mod primed;
 pub mod record;
 pub mod recording;
 pub mod replay;

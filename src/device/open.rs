@@ -2,6 +2,7 @@
 
 use super::{
     Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource,
+    bracketed::CameraResponse,
     imu::{self, description::ImuDescription, names::ImuName, wire_log::WireLogWriter},
     null_display::NullDisplay,
     parameters::nearest,
@@ -12,7 +13,7 @@ use super::{
 #[cfg(feature = "v4l2")]
 use super::{bracketed::BracketedCamera, clock::MonotonicClock, developed::DevelopedCamera};
 #[cfg(feature = "v4l2")]
-use crate::{hdr::develop::SensorOptions, model::response::Response};
+use crate::hdr::develop::SensorOptions;
 use std::sync::Arc;
 
 /// An opened camera, with its inertial sensor where it has one.
@@ -34,6 +35,18 @@ pub const LINKS: [&str; 1] = ["stdio"];
 /// `v4l2:/dev/video0,..` (see `v4l2::V4l2Options`) or a path that begins with `/dev/video` or `/dev/v4l`.
 /// `Refused` for anything else, with what is known and what comes nearest.
 pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
+    open_with(name, CameraOptions::default())
+}
+
+/// What else is known of a camera when it is opened.
+#[derive(Clone, Debug, Default)]
+pub struct CameraOptions {
+    /// Its response, for cameras that do not state it themselves.
+    pub response: CameraResponse,
+}
+
+/// As [`open`], with what else is known.
+pub fn open_with(name: &str, options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
     let (scheme, rest) = match name.split_once(':') {
         Some((scheme, rest)) if !name.ends_with(".mcap") || SCHEMES.contains(&scheme) => (scheme, rest),
         _ if name.ends_with(".mcap") => ("replay", name),
@@ -53,12 +66,13 @@ pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
             })
         }
         #[cfg(feature = "v4l2")]
-        "v4l2" => open_v4l2(rest),
+        "v4l2" => open_v4l2(rest, options),
         #[cfg(feature = "v4l2")]
-        "auto" if rest.is_empty() => open_v4l2(""),
+        "auto" if rest.is_empty() => open_v4l2("", options),
         #[cfg(not(feature = "v4l2"))]
         "v4l2" | "auto" => {
             let action = "this program was built without V4L2 (feature v4l2)";
+            drop(options);
             Err(DeviceError::new(name, action, ErrorKind::Refused))
         }
         _ => {
@@ -68,14 +82,14 @@ pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
     }
 }
 
-/// A camera of the kernel, with its exposures in turn. Its pictures are taken to be sRGB.
+/// A camera of the kernel, with its exposures in turn.
 #[cfg(feature = "v4l2")]
-fn open_v4l2(rest: &str) -> Result<OpenedDevices, DeviceError> {
+fn open_v4l2(rest: &str, options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
     let name = format!("v4l2:{rest}");
     let camera = super::v4l2::open(rest, Arc::new(MonotonicClock::default()))?;
-    let response = Response::srgb();
-    let developed = DevelopedCamera::new(&name, camera, response.clone(), SensorOptions::default())?;
-    let frames = Box::new(BracketedCamera::new(name, developed, &response));
+    let CameraOptions { response } = options;
+    let developed = DevelopedCamera::new(&name, camera, response.at_first(), SensorOptions::default())?;
+    let frames = Box::new(BracketedCamera::new(name, developed, response));
     Ok(OpenedDevices { frames, imu: None })
 }
 

@@ -39,6 +39,7 @@ pub fn frame(i: i64) -> RawFrame {
         t_mid: Timestamp(START + i * STEP),
         exposure,
         row_time_s: 0.0,
+        response: None,
         pixels: Arc::new(picture(i)),
     }
 }

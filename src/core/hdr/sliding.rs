@@ -229,6 +229,7 @@ mod tests {
             exposure: Exposure { time_s, gain: 1.0 },
             pixels: Arc::new(Rgb8Image::filled(64, 48, [z; 3])),
             row_time_s: 0.0,
+            response: None,
         }
     }
 

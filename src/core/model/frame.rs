@@ -1,6 +1,6 @@
 //! What a camera delivers.
 
-use super::{image::Rgb8Image, pixels::FramePixels, time::Timestamp};
+use super::{image::Rgb8Image, pixels::FramePixels, response::Response, time::Timestamp};
 use std::sync::Arc;
 
 /// What the sensor truly applied to one frame.
@@ -33,6 +33,9 @@ pub struct RawFrame {
     /// Seconds from the exposure of one row to that of the next (rolling shutter); 0: all rows at once. `t_mid` is the middle
     /// row's.
     pub row_time_s: f64,
+    /// What the 8-bit values mean, where the device found it out while running; the same for all frames until it is another.
+    /// `None`: what the device states.
+    pub response: Option<Arc<Response>>,
 }
 
 /// One camera frame as its driver gives it, in any format; `device::developed` makes a [`RawFrame`] of it.

@@ -16,6 +16,7 @@
 mod chain;
 mod offsets;
 pub mod plan;
+pub mod response;
 mod shape;
 pub mod simulator;
 mod stated;

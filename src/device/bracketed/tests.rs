@@ -1,3 +1,7 @@
+//! The loop around the scheduler on a simulated driver.
+
+mod finding;
+
 use super::*;
 use crate::Clock;
 use crate::clock::ManualClock;
@@ -21,6 +25,12 @@ struct SlowCamera {
     made: u64,
     truth: Vec<Exposure>,
     response: Response,
+    /// Light of the scene against the usual; changes by this factor with each frame.
+    light: f64,
+    light_changes: f64,
+    /// The picture moves by so many columns a frame.
+    moves: usize,
+    name: String,
 }
 
 impl SlowCamera {
@@ -38,18 +48,27 @@ impl SlowCamera {
             made: 0,
             truth: Vec::new(),
             response: Response::srgb(),
+            light: 1.0,
+            light_changes: 1.0,
+            moves: 0,
+            name: String::new(),
         }
     }
 
     fn picture(&mut self) -> Rgb8Image {
-        let exposure = self.in_force.effective_s();
+        self.light *= self.light_changes;
+        let exposure = self.light * self.in_force.effective_s();
+        let shift = self.moves * self.made as usize;
         let mut picture = Rgb8Image::default();
         picture.reshape(WIDTH, HEIGHT, [0; 3]);
         for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
-            let (x, y) = (i % WIDTH, i / WIDTH);
-            let radiance = 3.0 * (((x / 8 * 7 + y / 8 * 5) % 23) as f64 / 5.0).exp();
-            let noisy = radiance * exposure * (1.0 + 0.01 * self.dice.normal());
-            *pixel = [self.response.value_of(0, noisy as f32).round().clamp(0.0, 255.0) as u8; 3];
+            let (x, y) = ((i + shift) % WIDTH, i / WIDTH);
+            let radiance = 3.0 * (((x / 8 * 7 + y / 8 * 5) % 23) as f64 / 5.0 + (x % 8) as f64 / 40.0).exp();
+            *pixel = std::array::from_fn(|c| {
+                let tint = [1.0, 0.9, 0.7][c];
+                let noisy = tint * radiance * exposure * (1.0 + 0.01 * self.dice.normal());
+                self.response.value_of(c, noisy as f32).round().clamp(0.0, 255.0) as u8
+            });
         }
         picture
     }
@@ -79,6 +98,10 @@ impl CaptureSource for SlowCamera {
     fn rig(&self) -> Option<Rig> {
         None
     }
+
+    fn identity(&self) -> String {
+        self.name.clone()
+    }
 }
 
 impl ExposureControl for SlowCamera {
@@ -98,10 +121,14 @@ impl ExposureControl for SlowCamera {
     }
 }
 
-fn camera(slow: SlowCamera) -> BracketedCamera<SlowCamera> {
-    let response = Response::srgb();
-    let developed = DevelopedCamera::new("slow", slow, response.clone(), SensorOptions::default()).unwrap();
-    BracketedCamera::new("slow", developed, &response)
+fn camera_with<S: CaptureSource + ExposureControl>(slow: S, response: CameraResponse) -> BracketedCamera<S> {
+    let developed =
+        DevelopedCamera::new("slow", slow, response.at_first(), SensorOptions::default()).unwrap();
+    BracketedCamera::new("slow", developed, response)
+}
+
+fn camera<S: CaptureSource + ExposureControl>(slow: S) -> BracketedCamera<S> {
+    camera_with(slow, CameraResponse::Stated(Response::srgb()))
 }
 
 fn cycle() -> Vec<Exposure> {
@@ -182,10 +209,7 @@ fn a_camera_that_is_still_being_measured_is_not_silent() {
             true
         }
     }
-    let response = Response::srgb();
-    let slow = OneByOne(SlowCamera::new(3, false), false);
-    let developed = DevelopedCamera::new("slow", slow, response.clone(), SensorOptions::default()).unwrap();
-    let mut camera = BracketedCamera::new("slow", developed, &response);
+    let mut camera = camera(OneByOne(SlowCamera::new(3, false), false));
     camera.set_exposures(&cycle()).unwrap();
     let first = camera.next(Timestamp(0)).unwrap_err();
     assert_eq!(first.kind, ErrorKind::Working);

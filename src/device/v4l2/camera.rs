@@ -24,6 +24,7 @@ const MOST_DAMAGED_IN_A_ROW: u64 = 30;
 /// A camera of the kernel. Dropping it puts its controls back as they were found.
 pub struct V4l2Camera<N: VideoNode> {
     device: String,
+    identity: String,
     stream: Stream<N>,
     clock: Arc<dyn Clock>,
     exposure: Option<ManualExposure>,
@@ -71,6 +72,7 @@ impl<N: VideoNode> V4l2Camera<N> {
         }
         let mut camera = Self {
             device: device.to_owned(),
+            identity: String::new(),
             stream: Stream::start(node, layout).map_err(|e| stream_failed(device, e))?,
             clock,
             exposure,
@@ -83,6 +85,12 @@ impl<N: VideoNode> V4l2Camera<N> {
         };
         camera.told = camera.exposure.as_ref().map_or(camera.told, |manual| manual.nearest(camera.told));
         Ok(camera)
+    }
+
+    /// Says which camera it is; its format belongs to that, since a camera may code each in its own way.
+    pub fn known_as(mut self, who: String) -> Self {
+        self.identity = format!("{who} {}", format::shown(self.granted.fourcc));
+        self
     }
 
     /// What can be asked of its exposure; `None` where it cannot be set.
@@ -175,6 +183,10 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
             distortion: Distortion::None,
         };
         Some(Rig { lens, tags: Vec::new(), ball: None })
+    }
+
+    fn identity(&self) -> String {
+        self.identity.clone()
     }
 }
 

@@ -82,7 +82,9 @@ pub fn open(text: &str, clock: Arc<dyn Clock>) -> Result<V4l2Camera<sys::KernelN
     let options = V4l2Options::parse(text)?;
     let (node, found) = find::open(text, &options)?;
     let device = format!("v4l2:{}", found.path.display());
-    V4l2Camera::start(&device, node, &options.wish, clock)
+    // The same camera in another socket is the same camera.
+    let identity = format!("{} ({})", found.facts.card, found.facts.driver);
+    Ok(V4l2Camera::start(&device, node, &options.wish, clock)?.known_as(identity))
 }
 
 #[cfg(test)]

@@ -5,14 +5,21 @@ use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
-use crate::daemon::prepare::open_named_imu;
+use crate::daemon::prepare::{camera_response, open_named_imu};
 use crate::daemon::{exit, stop_signals, version};
+use crate::device::bracketed::FoundResponse;
 use crate::device::clock::MonotonicClock;
+use crate::device::open::CameraOptions;
+use crate::device::primed::PrimedSource;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{Origin, PictureCoding, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Signal, Truth, open};
 use crate::lab::digest::PixelDigest;
-use crate::model::{frame::Exposure, path_text, time::Timestamp};
+use crate::model::{
+    frame::{Exposure, RawFrame},
+    path_text,
+    time::Timestamp,
+};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -256,6 +263,27 @@ pub fn report(
     Ok(())
 }
 
+/// Waits for the first frame of a camera, which finds out about itself until then; `None` where the recording was stopped.
+fn first_frame(frames: &mut dyn FrameSource, stop: &Signal) -> Result<Option<RawFrame>, CliError> {
+    let clock = MonotonicClock::new();
+    let patience = clock.now().plus_seconds(PATIENCE_S);
+    while !stop.is_raised() {
+        match frames.next(clock.now().plus_seconds(LOOK_EVERY_S)) {
+            Ok(frame) => return Ok(Some(frame)),
+            Err(error) if !matches!(error.kind, ErrorKind::Again | ErrorKind::Working) => {
+                return Err(error.into());
+            }
+            // A camera that works is not silent, however slow it is.
+            Err(error) if error.kind == ErrorKind::Again && clock.now() >= patience => {
+                let why = format!("no frame came within {PATIENCE_S} s");
+                return Err(CliError(why).with_status(exit::DEVICE));
+            }
+            Err(_) => {}
+        }
+    }
+    Ok(None)
+}
+
 /// The file that a device name reads, if it reads one.
 fn replayed(device: &str) -> PathBuf {
     let rest = device.strip_prefix("replay:").unwrap_or(device);
@@ -295,13 +323,19 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
     }
     refuse_existing(&a.out, a.force)?;
-    let mut opened = open::open(&device)?;
+    let mut settings_of = global.settings(None)?;
+    settings_of.camera.clone_from(&device);
+    let response = camera_response(&settings_of, &FoundResponse::default())?;
+    let mut opened = open::open_with(&device, CameraOptions { response })?;
     if !opened.frames.delivers_at_once() || !a.exposures_s.is_empty() {
         let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
         let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();
         tracing::info!("exposures in turn: {} s", times.join(", "));
     }
-    let mut settings_of = global.settings(None)?;
+    let first = match opened.frames.delivers_at_once() {
+        true => None,
+        false => first_frame(opened.frames.as_mut(), &stop)?,
+    };
     if let Some(name) = &a.imu {
         settings_of.imu.clone_from(name);
     }
@@ -319,7 +353,7 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
     }
     let expected = a.frames.or(opened.frames.frames_left()).unwrap_or(0);
     let tape = tape(&a.out, coding, setup)?;
-    let mut frames = Recorder::new(opened.frames, tape.clone());
+    let mut frames = Recorder::new(PrimedSource::new(opened.frames, first), tape.clone());
     let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
     let limit = Limit { stop, frames: a.frames, seconds: a.seconds };
     let tee = imu.as_mut().map(|imu| imu as &mut dyn ImuSource);

@@ -4,8 +4,9 @@ use super::{cache_folder, dress, engines, governing::governor_of, host::Host, kn
 use crate::assets::scene::{self as scene_file, SceneFile};
 use crate::config::file;
 use crate::config::settings::{GrayWeights, Settings};
+use crate::device::bracketed::{CameraResponse, FoundResponse};
 use crate::device::imu::description::ImuDescription;
-use crate::device::open::ImuOptions;
+use crate::device::open::{CameraOptions, ImuOptions};
 use crate::device::{Clock, DeviceError, ErrorKind, FrameSource, ImuSource, clock::MonotonicClock, open};
 use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
 use crate::model::{frame::Exposure, path_text, response::Response, rig::Rig, scene::Scene};
@@ -25,6 +26,8 @@ pub struct Prepared {
     pub engine: String,
     /// Exposures that the camera goes through.
     pub cycle: Vec<Exposure>,
+    /// What was found out of the camera's response, for when it is opened again.
+    pub found: FoundResponse,
 }
 
 /// An opened camera that goes through the exposures of the settings.
@@ -35,6 +38,8 @@ pub struct OpenedCamera {
     pub imu: Option<Box<dyn ImuSource>>,
     /// The exposures that it really goes through.
     pub cycle: Vec<Exposure>,
+    /// What was found out of its response.
+    pub found: FoundResponse,
 }
 
 /// A scene with all that stands in it.
@@ -48,7 +53,7 @@ struct OpenedScene {
 pub fn prepare(settings: &Settings, host: &Host<'_>) -> Result<Prepared, PipelineError> {
     // What costs nothing is looked at first.
     governor_of(settings)?;
-    prepare_with(open_camera(settings)?, settings, host)
+    prepare_with(open_camera(settings, &FoundResponse::default())?, settings, host)
 }
 
 /// As [`prepare`], with a camera that is open already.
@@ -70,17 +75,26 @@ pub fn prepare_with(
         pipeline = pipeline.in_room(room);
     }
     let pipeline = pipeline.governed(governor).with_stand_in(stand_in(settings.threads));
-    let OpenedCamera { frames, imu, cycle } = camera;
-    Ok(Prepared { source: frames, imu, pipeline, engine: description, cycle })
+    let OpenedCamera { frames, imu, cycle, found } = camera;
+    Ok(Prepared { source: frames, imu, pipeline, engine: description, cycle, found })
 }
 
-/// Opens the camera of the settings and asks for their exposures.
-pub fn open_camera(settings: &Settings) -> Result<OpenedCamera, DeviceError> {
-    let open::OpenedDevices { mut frames, imu } = open::open(&settings.camera)?;
+/// Opens the camera of the settings and asks for their exposures. `found` is what is known of its response from before.
+pub fn open_camera(settings: &Settings, found: &FoundResponse) -> Result<OpenedCamera, DeviceError> {
+    let response = camera_response(settings, found)?;
+    let open::OpenedDevices { mut frames, imu } =
+        open::open_with(&settings.camera, CameraOptions { response })?;
     let wanted: Vec<Exposure> =
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = frames.set_exposures(&wanted)?;
-    Ok(OpenedCamera { frames, imu, cycle })
+    Ok(OpenedCamera { frames, imu, cycle, found: found.clone() })
+}
+
+/// What the settings say of a camera's response: a camera that states none finds its own where they leave it to the device.
+pub fn camera_response(settings: &Settings, found: &FoundResponse) -> Result<CameraResponse, DeviceError> {
+    let refused = |why: String| DeviceError::new(&settings.camera, why, ErrorKind::Refused);
+    let stated = stated_response(settings).map_err(|e| refused(e.to_string()))?;
+    Ok(stated.map_or_else(|| CameraResponse::ToFind(found.clone()), CameraResponse::Stated))
 }
 
 /// Opens the inertial sensor that the settings name.
@@ -98,16 +112,22 @@ pub fn open_named_imu(settings: &Settings, clock: Arc<dyn Clock>) -> Result<Box<
 
 /// Reads the response of the settings: the camera's own, sRGB, or a file's.
 fn response_of(settings: &Settings, source: &dyn FrameSource) -> Result<Response, PipelineError> {
+    let stated = stated_response(settings)?;
+    Ok(stated.or_else(|| source.response()).unwrap_or_else(|| {
+        tracing::warn!(
+            "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
+            settings.camera
+        );
+        Response::srgb()
+    }))
+}
+
+/// The response that the settings state; `None` where they leave it to the device.
+fn stated_response(settings: &Settings) -> Result<Option<Response>, PipelineError> {
     match settings.response.as_str() {
-        "device" => Ok(source.response().unwrap_or_else(|| {
-            tracing::warn!(
-                "{} states no response: sRGB is taken; calibrate with `halflight hdr`",
-                settings.camera
-            );
-            Response::srgb()
-        })),
-        "srgb" => Ok(Response::srgb()),
-        file => crate::assets::response::load(&path_text::to_path(file)).map_err(setup),
+        "device" => Ok(None),
+        "srgb" => Ok(Some(Response::srgb())),
+        file => crate::assets::response::load(&path_text::to_path(file)).map(Some).map_err(setup),
     }
 }
 

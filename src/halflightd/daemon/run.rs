@@ -11,6 +11,7 @@ use super::{
     watchdog::{DEFAULT_PERIOD_S, Watchdog},
 };
 use crate::config::settings::{RunMode, Settings};
+use crate::device::bracketed::FoundResponse;
 use crate::device::{
     Clock, DeviceError, ErrorKind, FrameSource, ImuSource,
     clock::{ManualClock, MonotonicClock},
@@ -56,7 +57,7 @@ pub fn run_from(
     settings: &Settings,
     sink: &mut dyn FrameSink,
 ) -> Result<Ran, PipelineError> {
-    let Prepared { source, imu, mut pipeline, .. } = prepared;
+    let Prepared { source, imu, mut pipeline, found, .. } = prepared;
     let counts = match settings.mode {
         RunMode::Lockstep => {
             if !settings.imu.is_empty() {
@@ -69,25 +70,34 @@ pub fn run_from(
                 .looking_ahead(settings.search_ahead);
             turns::run(&mut lockstep, &mut pipeline, sink, settings.frames)?
         }
-        RunMode::Realtime => run_live(inbox, source, imu, &mut pipeline, settings, sink)?,
+        RunMode::Realtime => {
+            run_live(inbox, LiveDevices { source, imu, found }, &mut pipeline, settings, sink)?
+        }
     };
     Ok(Ran { counts, last_plan: pipeline.plan().clone() })
 }
 
-fn run_live(
-    inbox: Arc<Inbox>,
+/// What is open when a live run begins.
+struct LiveDevices {
     source: Box<dyn FrameSource>,
     imu: Option<Box<dyn ImuSource>>,
+    found: FoundResponse,
+}
+
+fn run_live(
+    inbox: Arc<Inbox>,
+    devices: LiveDevices,
     pipeline: &mut Pipeline,
     settings: &Settings,
     sink: &mut dyn FrameSink,
 ) -> Result<RunCounts, PipelineError> {
     let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::default());
+    let LiveDevices { source, imu, found } = devices;
     let pace = Pace::new(Arc::clone(&clock));
     pipeline.go_live();
     let mut live = Live::new(inbox, clock, budget()?);
     let early = settings.search_ahead.then(|| pipeline.early_search());
-    live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone()), early)?;
+    live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone(), found), early)?;
     if !settings.imu.is_empty() {
         let (named, clock) = (settings.clone(), Arc::new(MonotonicClock::default()));
         live.add_imu(&settings.imu, move |_| open_named_imu(&named, Arc::<MonotonicClock>::clone(&clock)))?;
@@ -108,12 +118,13 @@ fn camera_opener(
     source: Box<dyn FrameSource>,
     settings: &Settings,
     pace: Pace,
+    found: FoundResponse,
 ) -> impl FnMut(crate::model::time::Timestamp) -> Result<Box<dyn FrameSource>, DeviceError> + Send + 'static {
     let (mut first, settings) = (Some(source), settings.clone());
     move |_deadline| {
         let source = match first.take() {
             Some(source) => source,
-            None => open_camera(&settings).map(|OpenedCamera { frames, .. }| frames)?,
+            None => open_camera(&settings, &found).map(|OpenedCamera { frames, .. }| frames)?,
         };
         Ok(match source.delivers_at_once() {
             true => Box::new(PacedFrames::new(source, pace.clone())),
@@ -177,7 +188,7 @@ pub fn run_daemon(
     governor_of(settings)?;
     let camera =
         wait_for_camera(&inbox, clock.as_ref(), &mut |missing| folder.say(&missing_lines(missing)), || {
-            open_camera(settings)
+            open_camera(settings, &FoundResponse::default())
         })?;
     let Some(camera) = camera else { return Ok(RunCounts::default()) };
     let mut prepared = prepare_with(camera, settings, &Host::default())?;
@@ -316,7 +327,10 @@ mod tests {
     }
 
     fn synthetic() -> Result<OpenedCamera, DeviceError> {
-        open_camera(&Settings { camera: "synthetic:frames=1".into(), ..Settings::default() })
+        open_camera(
+            &Settings { camera: "synthetic:frames=1".into(), ..Settings::default() },
+            &FoundResponse::default(),
+        )
     }
 
     #[test]

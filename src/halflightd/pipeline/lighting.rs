@@ -89,6 +89,11 @@ impl Lighting {
         Ok(warped)
     }
 
+    /// Forgets the frames that wait to be merged: their values mean something else than those to come.
+    pub fn forget_frames(&mut self) {
+        self.sliding.clear();
+    }
+
     /// What of the picture of the environment the scene's materials need.
     pub fn want(&mut self, wanted: Wanted) {
         self.follow.want(wanted);

@@ -140,6 +140,7 @@ mod tests {
                 exposure: Exposure { time_s: 0.01, gain: 1.0 },
                 pixels: Arc::new(Image::filled(1, 1, [0; 3])),
                 row_time_s: 0.0,
+                response: None,
             })
         }
 

@@ -99,6 +99,8 @@ pub struct Pipeline {
     watch: Box<dyn Clock>,
     rig: Rig,
     response: Response,
+    /// The one that frames came with last.
+    response_of_frames: Option<Arc<Response>>,
     /// The settings of every stage; stages keep none of them.
     options: Options,
     tracker: Tracker,
@@ -166,6 +168,7 @@ impl Pipeline {
             watch,
             rig,
             response,
+            response_of_frames: None,
             options,
             tracker,
             lighting,
@@ -271,6 +274,7 @@ impl Pipeline {
         shown_at: Option<Timestamp>,
         ahead: Option<&RawFrame>,
     ) -> Result<FrameOutcome, PipelineError> {
+        self.follow_response(frame);
         self.presenting.see(frame);
         self.passes.clear();
         let mut times = StageTimes::all_at(self.watch.now());
@@ -303,6 +307,20 @@ impl Pipeline {
         };
         let (pose, light) = estimates;
         Ok(FrameOutcome { sequence: frame.sequence, t: frame.t_mid, pose, light, shown, stage_ms, choice })
+    }
+
+    /// Goes over to the response that a frame comes with, where it is another one.
+    fn follow_response(&mut self, frame: &RawFrame) {
+        let Some(response) = &frame.response else { return };
+        if self.response_of_frames.as_ref().is_some_and(|known| Arc::ptr_eq(known, response)) {
+            return;
+        }
+        self.response_of_frames = Some(Arc::clone(response));
+        if self.response != **response {
+            self.response.clone_from(response);
+            self.tracker.set_response(response);
+            self.lighting.forget_frames();
+        }
     }
 
     /// The pose at the frame's time; `Err` says why the frame can only be shown as it came.

@@ -364,6 +364,7 @@ mod tests {
             exposure: Exposure { time_s: 0.01, gain: 1.0 },
             pixels: Arc::new(Rgb8Image::from_pixels(320, 240, pixels).expect("all pixels")),
             row_time_s: 0.0,
+            response: None,
         }
     }
 

@@ -1,7 +1,7 @@
 //! What the camera sees: a pattern, or the pictures of a bundled recording, both as bright as the exposure makes them.
 
 use super::controls::Settings;
-use halflight_core::model::{frame::RawFrame, time::Timestamp};
+use halflight_core::model::{frame::RawFrame, response::Response, time::Timestamp};
 use halflight_device::{
     ErrorKind, FrameSource,
     replay::{self, ReplayOptions},
@@ -18,7 +18,8 @@ const PATTERN_EXPOSURE: f64 = 100.0;
 /// Where pictures come from.
 pub enum Pictures {
     Pattern,
-    Recording(Vec<RawFrame>),
+    /// Frames, and what their values mean.
+    Recording(Vec<RawFrame>, Box<Response>),
 }
 
 impl Pictures {
@@ -37,7 +38,8 @@ impl Pictures {
         if frames.len() < ROUND {
             Err(format!("{path}: too few pictures"))
         } else {
-            Ok(Self::Recording(frames))
+            let response = source.response().unwrap_or_else(Response::srgb);
+            Ok(Self::Recording(frames, Box::new(response)))
         }
     }
 
@@ -45,7 +47,10 @@ impl Pictures {
     pub fn draw(&self, number: u64, settings: Settings, (width, height): (usize, usize)) -> Vec<u8> {
         let mut picture = match self {
             Self::Pattern => pattern(number, settings, width, height),
-            Self::Recording(frames) => from_frame(chosen(frames, number, settings), settings, width, height),
+            Self::Recording(frames, response) => {
+                let frame = chosen(frames, number, settings);
+                from_frame(frame, &relit(frame, response, settings), width, height)
+            }
         };
         Strip { number: number as u16, exposure: settings.exposure }.write(&mut picture, width);
         picture
@@ -89,30 +94,37 @@ fn chosen(frames: &[RawFrame], number: u64, settings: Settings) -> &RawFrame {
     best
 }
 
-/// sRGB's curve, both ways, and what a value becomes under more or less light.
-fn relit(ratio: f64, brightness: f64) -> Vec<f64> {
-    let linear = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
-    let coded = |v: f64| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    (0..256)
-        .map(|value| {
-            // What is saturated stays so: nobody knows how bright it was.
-            let light =
-                if value == 255 && ratio < 1.0 { 1.0 } else { linear(f64::from(value) / 255.0) * ratio };
-            (255.0 * coded(light.min(1.0)) + brightness).clamp(0.0, 255.0)
-        })
-        .collect()
+/// The camera's own curve, from light (1 = white) to 0 to 1: as bent as webcams are, and not sRGB.
+fn curve(light: f64) -> f64 {
+    let v = (light.clamp(0.0, 1.0) * 1.4 / (1.0 + 0.4 * light.clamp(0.0, 1.0))).powf(1.0 / 1.9);
+    v + 0.2 * (v * v * (3.0 - 2.0 * v) - v)
 }
 
-fn from_frame(frame: &RawFrame, settings: Settings, width: usize, height: usize) -> Vec<u8> {
+/// What each value of a frame's channels becomes at another exposure, through this camera's curve.
+fn relit(frame: &RawFrame, response: &Response, settings: Settings) -> [Vec<f64>; 3] {
     let ratio = effective(settings) * 1e-4 / frame.exposure.effective_s();
-    let values = relit(ratio, f64::from(settings.brightness));
+    response.log_exposure().map(|g| {
+        let white = f64::from(g[255]);
+        (0..256)
+            .map(|value| {
+                // What is saturated stays so: nobody knows how bright it was.
+                let light = (f64::from(g[value]) - white).exp();
+                let light = if value == 255 && ratio < 1.0 { 1.0 } else { light * ratio };
+                (255.0 * curve(light) + f64::from(settings.brightness)).clamp(0.0, 255.0)
+            })
+            .collect()
+    })
+}
+
+fn from_frame(frame: &RawFrame, values: &[Vec<f64>; 3], width: usize, height: usize) -> Vec<u8> {
     let image = &frame.pixels;
     let (across, down) = (image.width() / width, image.height() / height);
     let mean = |x: usize, y: usize, channel: usize| -> f64 {
         let mut sum = 0.0;
         for row in 0..down {
             for column in 0..across {
-                sum += values[usize::from(image.at(x * across + column, y * down + row)[channel])];
+                let value = image.at(x * across + column, y * down + row)[channel];
+                sum += values[channel][usize::from(value)];
             }
         }
         sum / (across * down) as f64
