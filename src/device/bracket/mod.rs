@@ -314,7 +314,9 @@ impl Scheduler {
         self.newest = Some((seen.sequence, seen.t));
         self.newest_seen.clone_from(seen.thumbnail);
         let Some(level) = self.shapes.measure(seen.thumbnail) else {
-            return Some(Attribution::Unsure(Unsure::NothingToSee));
+            // In the dark the exposure is known all the same where there is only one.
+            let certain = self.writes.certain(seen.sequence).filter(|_| self.count == 1);
+            return Some(certain.map_or(Attribution::Unsure(Unsure::NothingToSee), Attribution::Sure));
         };
         let stated = seen.stated.map(|e| e.effective_s().ln()).filter(|log| log.is_finite());
         let entry = Entry::new(seen.sequence, level, stated, &self.writes);

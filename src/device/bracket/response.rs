@@ -33,6 +33,8 @@ const MOST_SATURATED: f64 = 0.5;
 const MOST_DARK: f64 = 0.8;
 const SATURATED: usize = 250;
 const DARK: usize = 24;
+/// Quantiles of a picture that stand for its pixels where those move.
+const RANKS: usize = 2048;
 /// rms of the fit, ln exposure, from which the scene moved or the control does something else.
 const WORST_RESIDUAL: f64 = 0.12;
 
@@ -168,21 +170,53 @@ impl ResponseSearch {
         if pictures.len() < 2 {
             return Err(format!("its pictures differ at no two exposures {LEAST_EXPOSURE_RATIO} apart"));
         }
-        let log_exposure_at_128 = Response::srgb().log_exposure().map(|g| f64::from(g[128]));
-        let options = SolveOptions { log_exposure_at_128, ..SolveOptions::default() };
-        let found = solve(&pictures, &exposures, &options);
-        match found.origin {
-            Origin::Fallback { why } => return Err(why),
-            Origin::Solved { residual_rms } if !(residual_rms <= WORST_RESIDUAL) => {
-                return Err(format!(
-                    "the scene or its light moved (residual {residual_rms:.2} in ln exposure, at most {WORST_RESIDUAL} is allowed)"
-                ));
-            }
-            Origin::Solved { .. } => {}
+        let still = solved(&pictures, &exposures);
+        if still.is_ok() {
+            return still;
         }
-        let check = check_exposures(&pictures, &exposures, &found.response, Tolerance::KNOWN_RESPONSE);
-        if check.sound() { Ok(found.response) } else { Err("its exposures are not what it says".to_owned()) }
+        // The camera or the scene moves: pixels do not stay in their places, but what there is to be seen does.
+        let ranked: Vec<Rgb8Image> = pictures.iter().map(|picture| ranked(picture)).collect();
+        solved(&ranked.iter().collect::<Vec<_>>(), &exposures).or(still)
     }
+}
+
+fn solved(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<Response, String> {
+    let log_exposure_at_128 = Response::srgb().log_exposure().map(|g| f64::from(g[128]));
+    let options = SolveOptions { log_exposure_at_128, ..SolveOptions::default() };
+    let found = solve(pictures, exposures, &options);
+    match found.origin {
+        Origin::Fallback { why } => return Err(why),
+        Origin::Solved { residual_rms } if !(residual_rms <= WORST_RESIDUAL) => {
+            return Err(format!(
+                "the scene or its light moved (residual {residual_rms:.2} in ln exposure, at most {WORST_RESIDUAL} is allowed)"
+            ));
+        }
+        Origin::Solved { .. } => {}
+    }
+    let check = check_exposures(pictures, exposures, &found.response, Tolerance::KNOWN_RESPONSE);
+    if check.sound() { Ok(found.response) } else { Err("its exposures are not what it says".to_owned()) }
+}
+
+/// A row in which pixel k has the k-th of [`RANKS`] quantiles of each channel: a brighter exposure keeps the order of values, so
+/// equal ranks saw equal light [GN03].
+fn ranked(picture: &Rgb8Image) -> Rgb8Image {
+    let mut row = Rgb8Image::default();
+    row.reshape(RANKS, 1, [0; 3]);
+    let pixels = picture.pixels().len().max(1);
+    for channel in 0..3 {
+        let mut counts = [0usize; 256];
+        picture.pixels().iter().for_each(|pixel| counts[usize::from(pixel[channel])] += 1);
+        let (mut value, mut below) = (0, counts[0]);
+        for (k, pixel) in row.pixels_mut().iter_mut().enumerate() {
+            let rank = (2 * k + 1) * pixels / (2 * RANKS);
+            while below <= rank && value < 255 {
+                value += 1;
+                below += counts[value];
+            }
+            pixel[channel] = value as u8;
+        }
+    }
+    row
 }
 
 /// A picture in three numbers.

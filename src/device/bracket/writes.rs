@@ -70,6 +70,14 @@ impl Writes {
         (self.first + begin as u64, self.first + end as u64)
     }
 
+    /// The exposure that a frame had whatever the delay: all writes that may have been in force are equal.
+    pub fn certain(&self, sequence: u64) -> Option<Exposure> {
+        let (begin, end) = self.candidates(sequence);
+        let mut writes = (begin..end).map_while(|number| self.get(number));
+        let first = writes.next().filter(|write| write.log.is_finite())?;
+        writes.all(|write| (write.log - first.log).abs() < 1e-3).then_some(first.exposure)
+    }
+
     /// Whether all that is remembered is one exposure.
     pub fn all_equal(&self) -> bool {
         let Some(last) = self.last() else { return false };

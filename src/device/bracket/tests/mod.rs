@@ -131,6 +131,29 @@ fn one_exposure_alone_is_sure_once_it_is_in_force() {
 }
 
 #[test]
+fn one_exposure_alone_is_known_in_the_dark_too() {
+    let mut scheduler = Scheduler::new(&exposures(&[0.004])).unwrap();
+    let mut reader = ThumbnailReader::new(&crate::model::response::Response::srgb());
+    let mut thumbnail = Thumbnail::default();
+    reader.read_luminance(24, &[2; 24 * 16], &mut thumbnail);
+    let mut sure = 0;
+    for sequence in 0..60 {
+        let t = Timestamp(33_333_333 * sequence as i64);
+        scheduler.frame(FrameSeen { sequence, t, stated: None, thumbnail: &thumbnail });
+        while let Some(settled) = scheduler.settled() {
+            let is_sure = matches!(settled.attribution, Attribution::Sure(e) if e.time_s == 0.004);
+            // Before the first write is in force nobody knows what the camera does.
+            assert!(!is_sure || settled.sequence > 4, "{settled:?}");
+            sure += u32::from(is_sure);
+        }
+        if let Some(asked) = scheduler.next_write(sequence) {
+            scheduler.written(asked, asked, sequence);
+        }
+    }
+    assert!(sure > 40, "{sure} of 60");
+}
+
+#[test]
 fn a_camera_that_counts_from_the_beginning_again_is_followed() {
     let mut scheduler = Scheduler::new(&exposures(&CYCLE_S)).unwrap();
     let mut thumbnail = Thumbnail::default();

@@ -8,9 +8,7 @@ use halflight_device::{
 };
 use halflight_vm::Strip;
 
-/// Pictures that are kept of a recording: ten rounds of three exposures.
-const MOST_KEPT: usize = 30;
-/// Exposures of a round in the recording.
+/// Exposures of a round in the recording. The first round is all that is used: this camera stands still.
 const ROUND: usize = 3;
 /// At this exposure (100 us) the pattern has its middle brightness.
 const PATTERN_EXPOSURE: f64 = 100.0;
@@ -23,12 +21,12 @@ pub enum Pictures {
 }
 
 impl Pictures {
-    /// Reads the first pictures of a recording.
+    /// Reads the first round of a recording.
     pub fn of_recording(path: &str) -> Result<Self, String> {
         let options = ReplayOptions::parse(path).map_err(|e| e.to_string())?;
         let (mut source, _) = replay::open(&options).map_err(|e| e.to_string())?;
         let mut frames = Vec::new();
-        while frames.len() < MOST_KEPT {
+        while frames.len() < ROUND {
             match source.next(Timestamp::NEVER) {
                 Ok(frame) => frames.push(frame),
                 Err(error) if error.kind == ErrorKind::Ended => break,
@@ -48,7 +46,7 @@ impl Pictures {
         let mut picture = match self {
             Self::Pattern => pattern(number, settings, width, height),
             Self::Recording(frames, response) => {
-                let frame = chosen(frames, number, settings);
+                let frame = chosen(frames, settings);
                 from_frame(frame, &relit(frame, response, settings), width, height)
             }
         };
@@ -80,13 +78,12 @@ fn pattern(number: u64, settings: Settings, width: usize, height: usize) -> Vec<
     picture
 }
 
-/// The picture of this frame's round whose exposure is the nearest.
-fn chosen(frames: &[RawFrame], number: u64, settings: Settings) -> &RawFrame {
-    let round = (number as usize / ROUND) % (frames.len() / ROUND) * ROUND;
+/// The picture whose exposure is the nearest.
+fn chosen(frames: &[RawFrame], settings: Settings) -> &RawFrame {
     let wish = (effective(settings) * 1e-4).ln();
     let distance = |frame: &RawFrame| (frame.exposure.effective_s().ln() - wish).abs();
-    let mut best = &frames[round];
-    for frame in &frames[round..round + ROUND] {
+    let mut best = &frames[0];
+    for frame in frames {
         if distance(frame) < distance(best) {
             best = frame;
         }
