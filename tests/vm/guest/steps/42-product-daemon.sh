@@ -1,6 +1,5 @@
-# The daemon loses the camera and finds it again, and draws new frames after it. Counted in frames of the camera: the first 24 and
-# some of an open camera tell the delay of its control and are left out; where no exposure can be told, 90 pass until it goes on
-# with one (so it is in the guest, whose pictures are 4 % off sRGB from one exposure to another); and some 20 pass while the slow guest draws one.
+# The daemon loses the camera and finds it again, and draws new frames after it. Counted in frames of the camera: some 60 find its
+# response the first time, 24 tell the delay of its control each time it is opened, and some 20 pass while the slow guest draws one.
 . /host/guest/steps.sh
 camera_in
 needs_video_driver
