@@ -20,7 +20,9 @@ fn item(line: &str) -> &str {
 fn is_associated(lines: &[&str]) -> bool {
     let Some((last, before)) = lines.split_last() else { return false };
     let mut column = indent(last);
-    for line in before.iter().rev().filter(|line| !line.trim().is_empty()) {
+    // A head of several lines ends with lines of its own.
+    let is_end_of_head = |line: &str| ["", "where", "{"].contains(&line.trim());
+    for line in before.iter().rev().filter(|line| !is_end_of_head(line)) {
         if indent(line) < column {
             column = indent(line);
             let head = item(line);
