@@ -29,7 +29,7 @@ use halflight::nearfield::{
     sun_shadows::SunShadows,
     sun_sources::SunMarks,
 };
-use halflight::sources::expand::{Priority, Wanted};
+use halflight::sources::expand::{Priority, WantedNodes};
 use halflight::visibility::proxies::Proxies;
 
 const WARM_UP: usize = 24;
@@ -141,7 +141,7 @@ fn choosing_near_light() {
             &marks,
             &objects,
             of_suns.marked(&suns),
-            Wanted::exactly(10),
+            WantedNodes::exactly(10),
             Priority::ErrorRemoved,
         );
         of_suns.share(&suns, lights.far());

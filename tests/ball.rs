@@ -5,7 +5,7 @@ mod support;
 
 use glam::DVec3;
 use halflight::hdr::merge_bracket::merge_bracket;
-use halflight::hdr::response::{Origin, SolveOptions, solve};
+use halflight::hdr::response::{ResponseOrigin, SolveOptions, solve};
 use halflight::light::{
     project_sh::project_sh,
     split::{SplitOptions, split},
@@ -106,7 +106,7 @@ fn merged(shared: &Path, case: &Case, calibrate: bool) -> HdrImage {
         let scale = log.map(|g| f64::from(g[128]));
         let options = SolveOptions { log_exposure_at_128: scale, ..SolveOptions::default() };
         let solved = solve(&borrowed, &exposures, &options);
-        assert!(matches!(solved.origin, Origin::Solved { .. }), "{:?}", solved.origin);
+        assert!(matches!(solved.origin, ResponseOrigin::Solved { .. }), "{:?}", solved.origin);
         response = solved.response;
     }
     merge_bracket(&borrowed, &exposures, &response, &mut out).unwrap();

@@ -37,7 +37,7 @@ use halflight::{
     },
     nearfield::prepare::KnownRoom,
     plan::{
-        Effect, Foresight, FramePlan, LARGEST_ERROR, Pass, Verdict,
+        Effect, EffectVerdict, Foresight, FramePlan, LARGEST_ERROR, Pass,
         effects::{self, Occasion},
     },
 };
@@ -389,7 +389,7 @@ fn called_for_and_no_more(backend: Option<Backend>) {
         let (plan, picture) = shot.draw(engine.as_mut(), false, Effects::CalledFor);
         assert_eq!(engine.dispatched(), expected, "{}", shot.name);
         lives_for(engine.as_ref(), &shot, &expected, backend.is_some());
-        let off = || plan.decisions.iter().filter(|d| d.verdict == Verdict::Off);
+        let off = || plan.decisions.iter().filter(|d| d.verdict == EffectVerdict::Off);
         assert!(off().all(|d| d.error_bound <= LARGEST_ERROR), "{}: {:?}", shot.name, plan.decisions);
         let bound: f32 = off().map(|d| d.error_bound).sum();
         let apart = apart(&picture, &all);

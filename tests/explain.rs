@@ -5,7 +5,7 @@ use halflight::{
     config::Settings,
     daemon::{host::Host, prepare::prepare},
     model::{quality::Effects, time::Timestamp},
-    plan::{Effect, LARGEST_ERROR, Pass, Verdict},
+    plan::{Effect, EffectVerdict, LARGEST_ERROR, Pass},
 };
 
 /// A camera with one exposure and nothing virtual before it.
@@ -34,7 +34,7 @@ fn nothing_virtual_shows_the_camera_s_picture_to_the_last_bit() {
             assert!(called_for.pipeline.plan().passes_through);
             assert!(called_for.pipeline.picture().display == *frame.pixels);
             let why = called_for.pipeline.plan().decision(Effect::Composition).unwrap();
-            assert_eq!((why.verdict, why.error_bound), (Verdict::Off, 0.0));
+            assert_eq!((why.verdict, why.error_bound), (EffectVerdict::Off, 0.0));
             // Nobody asks for the light: it is not even looked for.
             assert!(!alone || (outcome.light.is_none() && outcome.pose.is_none()));
             all.pipeline.frame(&frame).unwrap();

@@ -8,7 +8,7 @@ mod support;
 use glam::{DVec3, Vec3};
 use golden::{Entry, Precision, numbers};
 use halflight::{
-    model::room::Patch,
+    model::room::RoomPatch,
     nearfield::{
         form_factor::form_factor,
         intensity::intensity_transfers,
@@ -17,7 +17,7 @@ use halflight::{
         two_sets::{self, Division, Experiment, Off, Strengths},
     },
     sources::{
-        expand::{Expander, Marked, Priority, Wanted},
+        expand::{Expander, Marked, Priority, WantedNodes},
         tree::SourceTree,
     },
 };
@@ -151,7 +151,7 @@ fn representatives(entry: &Entry) {
     let towards: Vec<Vec3> = places.iter().map(|p| (*p + Vec3::Z * 3.0).normalize()).collect();
     let mut expander = Expander::default();
     let trees = [Marked { tree: &tree, light: &light, towards: &towards, lasting: true }];
-    let chosen = expander.expand(&trees, Wanted::exactly(entry.count("n")), Priority::Transfer);
+    let chosen = expander.expand(&trees, WantedNodes::exactly(entry.count("n")), Priority::Transfer);
     let got: BTreeSet<String> = chosen.iter().map(|c| name(c.node)).collect();
     let want = names(&entry.expected["fixed_key_marked_only_collapsed"]);
     assert_eq!(got, want.into_iter().collect(), "{}", entry.id);
@@ -160,9 +160,9 @@ fn representatives(entry: &Entry) {
 fn sources_by_radiance(entry: &Entry) {
     let listed = entry.inputs["patches"].as_array().unwrap();
     let number = |patch: &Value, key: &str| patch[key].as_f64().unwrap() as f32;
-    let patches: Vec<Patch> = listed
+    let patches: Vec<RoomPatch> = listed
         .iter()
-        .map(|p| Patch {
+        .map(|p| RoomPatch {
             corners: [0, 1, 2, 2],
             centre_world: Vec3::ZERO,
             normal_world: Vec3::Z,

@@ -10,7 +10,7 @@ use halflight::{
         attribute::{ExposureVerdict, Tolerance, attribute, check_exposures},
         black_level::{black_level, clip_black},
         merge_bracket::{MAX_PICTURES, merge_bracket},
-        response::{Origin, SolveOptions, solve},
+        response::{ResponseOrigin, SolveOptions, solve},
     },
     model::{
         frame::Exposure,
@@ -90,7 +90,12 @@ fn f5(shared: &Path, name: &str) -> (Real, Response) {
 
 fn solved(real: &Real) -> Response {
     let recovered = solve(&real.refs(), &seconds(&real.times_s), &SolveOptions::default());
-    assert!(matches!(recovered.origin, Origin::Solved { .. }), "{}: {:?}", real.name, recovered.origin);
+    assert!(
+        matches!(recovered.origin, ResponseOrigin::Solved { .. }),
+        "{}: {:?}",
+        real.name,
+        recovered.origin
+    );
     recovered.response
 }
 
@@ -139,7 +144,7 @@ fn false_times_are_noticed() {
     assert_eq!(verdicts, [ExposureVerdict::Contradicted; 3]);
     // Nor can a response be made of them.
     let recovered = solve(&real.refs(), &seconds(&real.times_s), &SolveOptions::default());
-    let Origin::Fallback { why } = recovered.origin else { panic!("{:?}", recovered.origin) };
+    let ResponseOrigin::Fallback { why } = recovered.origin else { panic!("{:?}", recovered.origin) };
     assert!(why.contains("contradict the stated exposures"), "{why}");
     assert_eq!(recovered.response, Response::srgb());
 }
@@ -256,7 +261,7 @@ fn a_known_response_is_recovered() {
             let log_exposure_at_128 = truth.log_exposure().map(|g| f64::from(g[128]));
             let options = SolveOptions { log_exposure_at_128, ..SolveOptions::default() };
             let recovered = solve(&pictures, &seconds(&times_s), &options);
-            assert!(matches!(recovered.origin, Origin::Solved { .. }), "{:?}", recovered.origin);
+            assert!(matches!(recovered.origin, ResponseOrigin::Solved { .. }), "{:?}", recovered.origin);
             let mut worst = 0.0f32;
             for (found, truth) in recovered.response.log_exposure().iter().zip(truth.log_exposure()) {
                 assert_eq!(found[128], truth[128], "the gauge");
@@ -278,8 +283,8 @@ fn what_tells_no_response_falls_back() {
         let recovered = solve(&pictures, &seconds(stated_s), &SolveOptions::default());
         assert_eq!(recovered.response, srgb);
         match recovered.origin {
-            Origin::Fallback { why } => why,
-            Origin::Solved { .. } => panic!("{real_s:?} {stated_s:?} was solved"),
+            ResponseOrigin::Fallback { why } => why,
+            ResponseOrigin::Solved { .. } => panic!("{real_s:?} {stated_s:?} was solved"),
         }
     };
     assert!(why(&[0.1, 0.1, 0.1], &[0.1, 0.1, 0.1]).contains("at least 2 is needed"));

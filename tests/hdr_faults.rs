@@ -5,7 +5,7 @@ mod support;
 
 use halflight::hdr::{
     faults::{Fault, examine, full_range, is_limited_range},
-    response::{Origin, SolveOptions, solve},
+    response::{ResponseOrigin, SolveOptions, solve},
 };
 use halflight::math::dice::Dice;
 use halflight::model::{frame::Exposure, image::Rgb8Image, response::Response};
@@ -191,7 +191,7 @@ fn two_exposures_far_apart_tell_no_response() {
             let refs: Vec<_> = pictures.iter().collect();
             let recovered = solve(&refs, &seconds(&two.times_s), &SolveOptions::default());
             assert_eq!(
-                matches!(recovered.origin, Origin::Solved { .. }),
+                matches!(recovered.origin, ResponseOrigin::Solved { .. }),
                 solved,
                 "{stops} stops, {:?}, seed {}: {:?}",
                 two.size,

@@ -7,7 +7,7 @@ use halflight::{
     engine::gpu::{
         TABLE,
         context::{STORAGE_BUFFERS_PER_STAGE, WORKGROUP_INVOCATIONS, WORKGROUP_MEMORY_BYTES},
-        kernel::{BindingKind, Kernel},
+        kernel::{BindingKind, KernelRow},
     },
     plan::Pass,
 };
@@ -17,13 +17,13 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn parse(kernel: &Kernel) -> naga::Module {
+fn parse(kernel: &KernelRow) -> naga::Module {
     let text = kernel.wgsl();
     naga::front::wgsl::parse_str(&text)
         .unwrap_or_else(|error| panic!("{}:\n{}", kernel.pass.name(), error.emit_to_string(&text)))
 }
 
-fn validate(kernel: &Kernel, module: &naga::Module) -> naga::valid::ModuleInfo {
+fn validate(kernel: &KernelRow, module: &naga::Module) -> naga::valid::ModuleInfo {
     let mut validator =
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
     validator

@@ -5,6 +5,8 @@
 
 #[path = "support/tree.rs"]
 mod tree;
+#[path = "tidy/type_names.rs"]
+mod type_names;
 
 use halflight::plan::Pass;
 use std::fs;

@@ -18,7 +18,7 @@ use halflight::{
         pose::Pose,
     },
     model::{
-        animation::{BoundBox, Channel, Clip, Figure, Interpolation, Moves, Playing},
+        animation::{AnimationChannel, BoundBox, Clip, Figure, Interpolation, Moves, Playing},
         blocker::Rung,
         frame::Exposure,
         image::HdrImage,
@@ -348,7 +348,7 @@ fn moving() -> Scene {
     };
     let mut goes = Figure::still("goes".into(), 1, Affine3A::IDENTITY, [(Vec3::ZERO, 0.06)].into_iter());
     let at = |x: f32, y: f32| Vec4::new(x, y, 0.06, 0.0);
-    let channel = |moves, values| Channel {
+    let channel = |moves, values| AnimationChannel {
         node: 0,
         moves,
         interpolation: Interpolation::Linear,

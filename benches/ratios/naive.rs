@@ -26,7 +26,7 @@ use halflight::{
         FramePlan, Pass,
         effects::{self, Occasion},
     },
-    visibility::shadow_maps::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, Receivers, ShadowMaps, bias_m},
+    visibility::shadow_maps::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, Receivers, ShadowMapSet, bias_m},
 };
 use rayon::prelude::*;
 use std::{f32::consts::PI, path::Path, time::Instant};
@@ -47,7 +47,7 @@ struct Textbook {
     pose: Pose,
     light: Lights,
     spheres: Vec<BlockerSphere>,
-    shadows: ShadowMaps,
+    shadows: ShadowMapSet,
     /// Every Gamma_ijk, also those that are zero.
     gamma: Vec<f32>,
     lambert: [f32; ORDER],
@@ -183,7 +183,7 @@ fn textbook(scene: &Scene, posed: &Posed, lens: Lens, pose: Pose, texels: u32) -
         positions.extend(&moved.positions_world);
         triangles.extend(object.mesh.triangles.iter().map(|t| t.map(|i| i + first)));
     }
-    let mut shadows = ShadowMaps::default();
+    let mut shadows = ShadowMapSet::default();
     let hard = light.hard.as_slice();
     shadows.fit(hard, &positions, &triangles, &Receivers::default(), texels, TAPS);
     shadows.draw(&positions, &triangles);

@@ -13,7 +13,7 @@ use halflight::{
         sun_shadows::SunShadows,
         sun_sources::SunMarks,
     },
-    sources::expand::{Priority, Wanted},
+    sources::expand::{Priority, WantedNodes},
 };
 use std::time::Instant;
 
@@ -90,7 +90,7 @@ fn frames(field: &NearField, suns: &SunShadows, count: usize) -> [f64; 3] {
             &marks,
             &objects,
             of_suns.marked(suns),
-            Wanted::exactly(count),
+            WantedNodes::exactly(count),
             Priority::ErrorRemoved,
         );
         of_suns.share(suns, lights.far());

@@ -155,9 +155,9 @@ mod tests {
     use super::*;
     use std::os::unix::fs::{PermissionsExt, symlink};
 
-    struct Folder(PathBuf);
+    struct FolderOfFiles(PathBuf);
 
-    impl Folder {
+    impl FolderOfFiles {
         fn new(name: &str) -> Self {
             let path = std::env::temp_dir().join(format!("halflight-whole-{name}-{}", std::process::id()));
             std::fs::create_dir_all(&path).unwrap();
@@ -173,7 +173,7 @@ mod tests {
         }
     }
 
-    impl Drop for Folder {
+    impl Drop for FolderOfFiles {
         fn drop(&mut self) {
             let _ = std::fs::remove_dir_all(&self.0);
         }
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_file_is_replaced_whole_and_keeps_its_rights() {
-        let folder = Folder::new("replaced");
+        let folder = FolderOfFiles::new("replaced");
         let file = folder.0.join("a.bin");
         write(&file, "one").unwrap();
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o640)).unwrap();
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn without_commit_the_old_file_stays_and_nothing_else_is_left() {
-        let folder = Folder::new("dropped");
+        let folder = FolderOfFiles::new("dropped");
         let file = folder.0.join("a.bin");
         write(&file, "old").unwrap();
         let mut whole = WholeFile::create(&file).unwrap();
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn long_and_odd_names_work() {
-        let folder = Folder::new("names");
+        let folder = FolderOfFiles::new("names");
         for name in [vec![b'x'; 255], b"a,b\xff.png".to_vec()] {
             let file = folder.0.join(OsString::from_vec(name));
             write(&file, "1").unwrap();

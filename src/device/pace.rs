@@ -138,16 +138,16 @@ mod tests {
     use crate::model::image::Rgb8Image;
 
     /// Gives frames or samples of these times at once.
-    struct Listed(Vec<f64>);
+    struct ListedTimes(Vec<f64>);
 
-    impl Listed {
+    impl ListedTimes {
         fn time(&mut self) -> Result<Timestamp, DeviceError> {
             let ended = || DeviceError::new("listed", "end", ErrorKind::Ended);
             (!self.0.is_empty()).then(|| Timestamp::from_seconds(self.0.remove(0))).ok_or_else(ended)
         }
     }
 
-    impl FrameSource for Listed {
+    impl FrameSource for ListedTimes {
         fn next(&mut self, _deadline: Timestamp) -> Result<RawFrame, DeviceError> {
             Ok(RawFrame {
                 sequence: 3 - self.0.len() as u64,
@@ -176,7 +176,7 @@ mod tests {
         }
     }
 
-    impl ImuSource for Listed {
+    impl ImuSource for ListedTimes {
         fn next(&mut self, _deadline: Timestamp) -> Result<ImuSample, DeviceError> {
             Ok(ImuSample { t: self.time()?, gyro_rad_s: [0.0; 3], accel_m_s2: [0.0; 3] })
         }
@@ -186,8 +186,8 @@ mod tests {
     fn items_come_when_their_time_has_come() {
         let clock = ManualClock::new(Timestamp::from_seconds(100.0));
         let pace = Pace::new(Arc::new(clock.clone()));
-        let mut frames = PacedFrames::new(Listed(vec![1.0, 1.1, 1.2]), pace.clone());
-        let mut imu = PacedImu::new(Listed(vec![0.8, 0.9, 1.0, 1.05]), pace);
+        let mut frames = PacedFrames::new(ListedTimes(vec![1.0, 1.1, 1.2]), pace.clone());
+        let mut imu = PacedImu::new(ListedTimes(vec![0.8, 0.9, 1.0, 1.05]), pace);
         let soon = |clock: &ManualClock| clock.now().plus_seconds(0.06);
         let first = frames.next(soon(&clock)).unwrap();
         assert_eq!(first.t_mid, Timestamp::from_seconds(100.0));

@@ -27,7 +27,7 @@ mod waiting;
 pub use imu::ReplayImu;
 pub use options::{KEYS, ReplayOptions};
 use prelude::Prelude;
-use waiting::{Recent, Waiting};
+use waiting::{Recent, WaitingPictures};
 
 /// The exposure of pictures of which nothing is known: all have it, so that radiance is right but for one factor.
 const UNKNOWN_EXPOSURE: Exposure = Exposure { time_s: 0.01, gain: 1.0 };
@@ -66,7 +66,7 @@ pub struct ReplaySource<R> {
     pictures: PictureReader,
     rig: Rig,
     response: Option<Response>,
-    waiting: Waiting,
+    waiting: WaitingPictures,
     notes: Recent<ExposureNote>,
     poses: Recent<PoseEstimate>,
     lights: Recent<(RadianceSh, [f32; 3])>,
@@ -123,7 +123,7 @@ impl<R: Read + Seek> ReplaySource<R> {
             pictures,
             rig: Rig { lens, tags, ball },
             response,
-            waiting: Waiting::default(),
+            waiting: WaitingPictures::default(),
             notes: Recent::default(),
             poses: Recent::default(),
             lights: Recent::default(),

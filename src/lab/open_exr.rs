@@ -67,7 +67,7 @@ fn decode_raw(file: &Path, bytes: &[u8]) -> Result<RadianceImage, AssetError> {
     if !bytes.starts_with(&MAGIC) {
         return pictures::decode_raw(file, bytes);
     }
-    let part = Part::find(file, bytes)?;
+    let part = ExrPart::find(file, bytes)?;
     let mut picture = part.pixels(file, bytes)?;
     if let Some(matrix) = part.to_rec709(file)? {
         picture.pixels_mut().iter_mut().for_each(|texel| *texel = colors::within(matrix, *texel));
@@ -88,7 +88,7 @@ pub fn stated_axes(file: &Path) -> Result<Option<MapAxes>, AssetError> {
     if !bytes.starts_with(&MAGIC) {
         return Ok(None);
     }
-    Ok(Part::find(file, &bytes)?.is_cube().then_some(MapAxes::YUp))
+    Ok(ExrPart::find(file, &bytes)?.is_cube().then_some(MapAxes::YUp))
 }
 
 /// OpenEXR's cube is right-handed, y up: on +x, columns grow with z and rows fall with y. That is the layout of D3D and GL with z
@@ -101,14 +101,14 @@ fn exchange_front_and_back(picture: &mut RadianceImage) {
 }
 
 /// The part of a file that is read.
-struct Part {
+struct ExrPart {
     header: Header,
     /// Columns and rows of the display window.
     size: (usize, usize),
     channels: [Text; 3],
 }
 
-impl Part {
+impl ExrPart {
     /// The first part that has R, G and B, or Y without chroma. Sizes are checked before anything is allocated after them.
     fn find(file: &Path, bytes: &[u8]) -> Result<Self, AssetError> {
         let failed = |e: exr::error::Error| AssetError::new(file, "decode OpenEXR").cause(e);

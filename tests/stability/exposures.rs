@@ -5,7 +5,7 @@ use halflight::{
     engine::{Bracket, Engine, EngineError},
     hdr::{
         attribute::{ExposureVerdict, Tolerance, check_exposures},
-        response::{Origin, SolveOptions, solve},
+        response::{ResponseOrigin, SolveOptions, solve},
     },
     model::{
         frame::Exposure,
@@ -154,8 +154,8 @@ fn brackets_that_say_nothing_of_the_response_are_told() {
     for (name, pictures, times_s) in cases {
         let found = solve(&pictures, &seconds(&times_s), &SolveOptions::default());
         match &found.origin {
-            Origin::Fallback { why } => assert!(!why.is_empty(), "{name}"),
-            Origin::Solved { residual_rms } => panic!("{name}: solved with {residual_rms}"),
+            ResponseOrigin::Fallback { why } => assert!(!why.is_empty(), "{name}"),
+            ResponseOrigin::Solved { residual_rms } => panic!("{name}: solved with {residual_rms}"),
         }
         assert_eq!(found.response, Response::srgb(), "{name}");
     }

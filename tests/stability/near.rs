@@ -27,7 +27,7 @@ use halflight::{
     plan::{FramePlan, Pass, effects},
     sources::{
         cut::{Cutter, Leaf},
-        expand::{Expander, Marked, Priority, Wanted},
+        expand::{Expander, Marked, Priority, WantedNodes},
         tree::SourceTree,
     },
     visibility::point_maps::PointCamera,
@@ -224,7 +224,7 @@ fn cuts_keep_the_light() {
             for by in [Priority::ErrorRemoved, Priority::Transfer] {
                 for count in [1, 3, 40] {
                     let sum: f64 = expander
-                        .expand(&[marked], Wanted::exactly(count), by)
+                        .expand(&[marked], WantedNodes::exactly(count), by)
                         .iter()
                         .map(|c| f64::from(c.light))
                         .sum();

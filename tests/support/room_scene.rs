@@ -20,7 +20,7 @@ use halflight::{
         subtract::seen_part,
         transfer::Statics,
     },
-    sources::expand::{Priority, Wanted},
+    sources::expand::{Priority, WantedNodes},
     visibility::point_maps::SeenPart,
 };
 use rayon::prelude::*;
@@ -173,7 +173,7 @@ impl Shadows {
     pub fn frame(&mut self, case: &Case, field: &NearField, object: &Object, count: usize, by: Priority) {
         self.view.look(field, &case.lens, &case.world_from_camera);
         self.marks.mark(field, &[object.bounds], Some(&self.view));
-        self.lights.choose(field, &self.marks, &[object.bounds], None, Wanted::exactly(count), by);
+        self.lights.choose(field, &self.marks, &[object.bounds], None, WantedNodes::exactly(count), by);
         self.lights.light_rows(field, &self.marks, &mut self.rows);
         self.lights.light_parts(field, &self.marks, &mut self.parts);
     }

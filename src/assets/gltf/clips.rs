@@ -3,7 +3,7 @@
 use super::{accessor::floats, source::Source};
 use crate::{
     error::AssetError,
-    model::animation::{Channel, Clip, Interpolation, Moves},
+    model::animation::{AnimationChannel, Clip, Interpolation, Moves},
     names::UniqueNames,
 };
 use glam::{Vec3, Vec4};
@@ -25,7 +25,7 @@ pub fn load(source: &Source, document: &Document, index_of: &[Option<u32>]) -> R
         let stated =
             animation.name().map_or_else(|| format!("animation {}", animation.index()), str::to_owned);
         let name = names.give(stated);
-        let mut channels: Vec<Channel> = Vec::new();
+        let mut channels: Vec<AnimationChannel> = Vec::new();
         let mut moved = HashSet::new();
         for channel in animation.channels() {
             let moves = match channel.target().property() {
@@ -46,7 +46,7 @@ pub fn load(source: &Source, document: &Document, index_of: &[Option<u32>]) -> R
             let part = format!("animations[{}].channels[{}]", animation.index(), channel.index());
             channels.push(keys(source, &channel, node, moves).map_err(|e| e.inside(part))?);
         }
-        let ends = |c: &Channel| Some((*c.times_s.first()?, *c.times_s.last()?));
+        let ends = |c: &AnimationChannel| Some((*c.times_s.first()?, *c.times_s.last()?));
         let range = channels.iter().filter_map(ends).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         let (start_s, end_s) = range.unwrap_or((0.0, 0.0));
         clips.push(Clip { name, start_s, duration_s: end_s - start_s, channels });
@@ -62,7 +62,7 @@ fn keys(
     channel: &gltf::animation::Channel,
     node: u32,
     moves: Moves,
-) -> Result<Channel, AssetError> {
+) -> Result<AnimationChannel, AssetError> {
     let wrong = |what: &str, allowed: &str| AssetError::new(source.file, what).allowed(allowed);
     let sampler = channel.sampler();
     let (interpolation, rows_a_key) = match sampler.interpolation() {
@@ -96,5 +96,5 @@ fn keys(
     if moves == Moves::Rotation && !own.all(|q| q.try_normalize().is_some()) {
         return Err(wrong("values", "rotations that are not zero"));
     }
-    Ok(Channel { node, moves, interpolation, times_s, values })
+    Ok(AnimationChannel { node, moves, interpolation, times_s, values })
 }

@@ -8,7 +8,7 @@ use std::collections::{HashMap, hash_map::Entry};
 use std::rc::Rc;
 
 /// How a node's mesh is placed, from the file's mesh frame to our z-up frame.
-pub enum Place {
+pub enum MeshPlace {
     /// By one transform.
     Rigid(DMat4),
     /// By each vertex's weighted joints.
@@ -21,7 +21,7 @@ pub const Z_UP_FROM_Y_UP: DMat4 =
 
 /// Places every node of the default scene (the first one, or all roots, where none is named); `None` for nodes
 /// outside it.
-pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<Place>>, AssetError> {
+pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<MeshPlace>>, AssetError> {
     let nodes: Vec<Node> = document.nodes().collect();
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
     for node in &nodes {
@@ -47,7 +47,7 @@ pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<Place>>,
         Some(scene) => scene.nodes().map(|node| node.index()).collect(),
         None => (0..nodes.len()).filter(|&i| parents[i].is_none()).collect(),
     };
-    let mut out: Vec<Option<Place>> = (0..nodes.len()).map(|_| None).collect();
+    let mut out: Vec<Option<MeshPlace>> = (0..nodes.len()).map(|_| None).collect();
     let mut skins: HashMap<usize, Rc<Vec<DMat4>>> = HashMap::new();
     let mut visits = 0;
     while let Some(index) = open.pop() {
@@ -71,9 +71,9 @@ pub fn place(source: &Source, document: &Document) -> Result<Vec<Option<Place>>,
                     Entry::Occupied(known) => Rc::clone(known.get()),
                     Entry::Vacant(free) => Rc::clone(free.insert(Rc::new(joints(source, &skin, &world)?))),
                 };
-                Place::Skinned(matrices)
+                MeshPlace::Skinned(matrices)
             }
-            None => Place::Rigid(Z_UP_FROM_Y_UP * here),
+            None => MeshPlace::Rigid(Z_UP_FROM_Y_UP * here),
         });
     }
     Ok(out)

@@ -3,7 +3,7 @@
 use super::{
     accessor::{floats, integers},
     material::{Means, Texture},
-    pose::{Place, normal, point},
+    pose::{MeshPlace, normal, point},
     source::Source,
 };
 use crate::{error::AssetError, model::scene::Mesh, normals::creased_from};
@@ -12,7 +12,7 @@ use gltf::{Primitive, Semantic, mesh::Mode};
 use std::collections::HashMap;
 
 /// What a primitive gives.
-pub struct Part {
+pub struct PrimitivePart {
     /// Posed, z up.
     pub mesh: Mesh,
     /// What its vertices tell of its material.
@@ -65,10 +65,10 @@ impl Bound {
 pub fn read(
     source: &mut Source,
     primitive: &Primitive,
-    place: &Place,
+    place: &MeshPlace,
     morph_weights: &[f32],
     hang: Option<&Hang>,
-) -> Result<Option<Part>, AssetError> {
+) -> Result<Option<PrimitivePart>, AssetError> {
     let file = source.file;
     let Some(positions) = primitive.get(&Semantic::Positions) else { return Ok(None) };
     let mut positions: Vec<[f32; 3]> = floats(source, &positions, 0.0)?;
@@ -96,8 +96,8 @@ pub fn read(
         return Ok(None);
     }
     let matrices = match place {
-        Place::Rigid(matrix) => Matrices::One(*matrix),
-        Place::Skinned(joints) => Matrices::Each(blend(source, primitive, joints, count)?),
+        MeshPlace::Rigid(matrix) => Matrices::One(*matrix),
+        MeshPlace::Skinned(joints) => Matrices::Each(blend(source, primitive, joints, count)?),
     };
     let mirrored = matches!(matrices, Matrices::One(m) if m.determinant() < 0.0);
     let mut mesh = Mesh::default();
@@ -124,7 +124,7 @@ pub fn read(
     let bound = influences.map_or_else(Bound::default, |influences| {
         bind(&mesh, &positions, normals.as_deref(), &influences, flat_from.as_deref(), mirrored)
     });
-    Ok(Some(Part { mesh, means, bound }))
+    Ok(Some(PrimitivePart { mesh, means, bound }))
 }
 
 /// Flat normals where a primitive has none or a broken one, and then the vertices that the new ones came from; triangles

@@ -4,7 +4,7 @@ use super::walk::{Section, numbers};
 use crate::animate::walk::{MAX_TURN_DEG, MIN_SIDE_M, round_corners};
 use crate::gltf::DEFAULT_SPHERES;
 use crate::model::animation::{
-    Attachment, Channel, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Playing, Skeleton,
+    AnimationChannel, Attachment, Clip, Figure, FigurePart, Interpolation, Joint, Moves, Playing, Skeleton,
     SkeletonNode, Transform, Walk,
 };
 use crate::model::limits::MAX_PLACE_M;
@@ -151,7 +151,7 @@ fn carried(rows: &[Vec<f64>]) -> Option<Clip> {
         values.extend([slope, place(k), slope]);
     }
     let (first, last) = (rows[0][0], rows[rows.len() - 1][0]);
-    let channel = Channel {
+    let channel = AnimationChannel {
         node: 0,
         moves: Moves::Translation,
         interpolation: Interpolation::CubicSpline,

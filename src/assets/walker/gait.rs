@@ -3,7 +3,7 @@
 //! Turns about +x: positive ones swing a hanging limb back (+y) and a foot's toes down.
 
 use super::{BONES, Bone, WALK_CYCLE_S, WALK_STRIDE_M, y_up, y_up_turn};
-use crate::model::animation::{Channel, Clip, Interpolation, Moves};
+use crate::model::animation::{AnimationChannel, Clip, Interpolation, Moves};
 use glam::{DQuat, DVec3, Vec4};
 use std::f64::consts::{PI, TAU};
 
@@ -161,7 +161,7 @@ fn clip(name: &str, duration_s: f64, keys: usize, pose: fn(f64) -> BonePose) -> 
     // The last key is the first pose again, bit for bit.
     let poses: Vec<BonePose> = (0..=keys).map(|k| pose((k % keys) as f64 / keys as f64)).collect();
     let times_s: Vec<f32> = (0..=keys).map(|k| (duration_s * k as f64 / keys as f64) as f32).collect();
-    let channel = |node: usize, moves, values: Vec<Vec4>| Channel {
+    let channel = |node: usize, moves, values: Vec<Vec4>| AnimationChannel {
         node: node as u32,
         moves,
         interpolation: Interpolation::Linear,

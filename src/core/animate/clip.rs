@@ -1,6 +1,6 @@
 //! Clips at a time, and the nodes that they move.
 
-use crate::model::animation::{Channel, Clip, Interpolation, Moves, Playing, Skeleton, Transform};
+use crate::model::animation::{AnimationChannel, Clip, Interpolation, Moves, Playing, Skeleton, Transform};
 use glam::{Affine3A, Quat, Vec4};
 
 /// Rotations whose dot product is above this are mixed straight: the arc differs by less than 1e-5 there, and the
@@ -20,7 +20,7 @@ pub fn clip_time(clip: &Clip, playing: &Playing, t_s: f64) -> f64 {
 
 /// A channel's value at a time on its keys (glTF 2.0, appendix C): before the first key the first value, after the last
 /// the last; rotations are unit and go the shorter way. `None` where the channel has no sound keys.
-pub fn sample(channel: &Channel, time_s: f64) -> Option<Vec4> {
+pub fn sample(channel: &AnimationChannel, time_s: f64) -> Option<Vec4> {
     let cubic = channel.interpolation == Interpolation::CubicSpline;
     let key = |k: usize| channel.values.get(if cubic { 3 * k + 1 } else { k }).copied();
     let times = &channel.times_s;
@@ -110,9 +110,14 @@ mod tests {
     use crate::model::animation::SkeletonNode;
     use glam::Vec3;
 
-    fn channel(moves: Moves, interpolation: Interpolation, times_s: &[f32], values: &[[f32; 4]]) -> Channel {
+    fn channel(
+        moves: Moves,
+        interpolation: Interpolation,
+        times_s: &[f32],
+        values: &[[f32; 4]],
+    ) -> AnimationChannel {
         let values = values.iter().map(|&v| Vec4::from(v)).collect();
-        Channel { node: 0, moves, interpolation, times_s: times_s.to_vec(), values }
+        AnimationChannel { node: 0, moves, interpolation, times_s: times_s.to_vec(), values }
     }
 
     #[test]

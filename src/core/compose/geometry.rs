@@ -233,10 +233,10 @@ impl SurfaceGeometry {
 
 impl SurfaceGeometry {
     /// Adds the patches of a known room, which receive shadows, after what there is: vertex `i` of the room becomes the
-    /// `i`-th of those added. Gives the number of its first triangle; its triangles are those of [`Patch::triangles`] in
+    /// `i`-th of those added. Gives the number of its first triangle; its triangles are those of [`RoomPatch::triangles`] in
     /// order.
     ///
-    /// [`Patch::triangles`]: crate::model::room::Patch::triangles
+    /// [`RoomPatch::triangles`]: crate::model::room::RoomPatch::triangles
     pub fn add_room(&mut self, patches: &RoomPatches) -> usize {
         let base = self.positions.len() as u32;
         let first = self.triangles.len();

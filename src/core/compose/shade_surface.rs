@@ -8,7 +8,7 @@ use super::{
     soft_shadow::FlatReceiver,
 };
 use crate::math::widest::widest;
-use crate::visibility::shadow_maps::{FlatLight, ShadowMaps};
+use crate::visibility::shadow_maps::{FlatLight, ShadowMapSet};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -43,7 +43,7 @@ pub struct SurfaceFrame<'a> {
     /// Hard lights, and the rest as harmonics.
     pub light: &'a LightTerms,
     /// The shadow maps, one for each hard light.
-    pub shadows: &'a ShadowMaps,
+    pub shadows: &'a ShadowMapSet,
     /// Taps a side of the filter.
     pub pcf_taps: u32,
 }
@@ -172,7 +172,7 @@ mod tests {
             Vec3::new(0.0, 0.1, 0.15),
             Vec3::new(0.0, 0.0, 0.4),
         ];
-        let mut shadows = ShadowMaps::default();
+        let mut shadows = ShadowMapSet::default();
         let triangles = [[0, 1, 2], [0, 1, 3], [0, 2, 3]];
         shadows.fit(light.hard(), &casters, &triangles, &Receivers::default(), 256, 4);
         shadows.draw(&casters, &triangles);

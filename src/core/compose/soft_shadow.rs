@@ -7,7 +7,7 @@ use super::shade_object::LightTerms;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, product::product_matrix, zonal};
 use crate::visibility::{
     blockers::{BlockedPlane, Blockers, LANES},
-    shadow_maps::{FlatLight, ShadowMaps},
+    shadow_maps::{FlatLight, ShadowMapSet},
 };
 use glam::Vec3;
 
@@ -170,7 +170,7 @@ impl Planes {
     }
 
     /// Sums up the whole light on each of them, and what their points share under each hard light.
-    pub fn prepare_light(&mut self, light: &LightTerms, shadows: &ShadowMaps, taps: u32) {
+    pub fn prepare_light(&mut self, light: &LightTerms, shadows: &ShadowMapSet, taps: u32) {
         self.flat.clear();
         self.flat_lights.clear();
         for &normal in &self.normals {

@@ -240,10 +240,10 @@ fn odd_one(
     coloured(&pairs, left).or_else(|| off_line(&pairs, left))
 }
 
-type Pair = (usize, usize, [f64; 3], f64);
+type PicturePair = (usize, usize, [f64; 3], f64);
 
 /// Ratios of a picture to the others, turned so that it is the first.
-fn of_picture(pairs: &[Pair], k: usize) -> Vec<Pair> {
+fn of_picture(pairs: &[PicturePair], k: usize) -> Vec<PicturePair> {
     let turned = pairs.iter().filter(|p| p.0 == k || p.1 == k);
     turned
         .map(|&(i, j, logs, t)| if i == k { (i, j, logs, t) } else { (j, i, logs.map(|l| -l), -t) })
@@ -254,9 +254,9 @@ fn tint(logs: [f64; 3]) -> [f64; 2] {
     [logs[0] - logs[1], logs[2] - logs[1]]
 }
 
-fn coloured(pairs: &[Pair], left: &[usize]) -> Option<(usize, Fault)> {
+fn coloured(pairs: &[PicturePair], left: &[usize]) -> Option<(usize, Fault)> {
     let limit = |t: f64| WHITE_BALANCE.0 + WHITE_BALANCE.1 * t.abs();
-    let odd = |p: &Pair| tint(p.2).iter().any(|t| t.abs() > limit(p.3));
+    let odd = |p: &PicturePair| tint(p.2).iter().any(|t| t.abs() > limit(p.3));
     let k = *left.iter().find(|&&k| {
         let own = of_picture(pairs, k);
         let others = pairs.iter().filter(|p| p.0 != k && p.1 != k);
@@ -269,21 +269,21 @@ fn coloured(pairs: &[Pair], left: &[usize]) -> Option<(usize, Fault)> {
 
 /// The picture off the line `measured = slope x stated` on which the others lie. Of two that could be it (of three
 /// pictures) the one that leaves the camera's curve nearer to sRGB's.
-fn off_line(pairs: &[Pair], left: &[usize]) -> Option<(usize, Fault)> {
-    let measured = |p: &Pair| p.2.iter().sum::<f64>() / 3.0;
-    let fit = |pairs: &[&Pair]| {
+fn off_line(pairs: &[PicturePair], left: &[usize]) -> Option<(usize, Fault)> {
+    let measured = |p: &PicturePair| p.2.iter().sum::<f64>() / 3.0;
+    let fit = |pairs: &[&PicturePair]| {
         let slope = pairs.iter().map(|p| measured(p) * p.3).sum::<f64>()
             / pairs.iter().map(|p| p.3 * p.3).sum::<f64>();
         let worst = pairs.iter().map(|p| (measured(p) - slope * p.3).abs()).fold(0.0, f64::max);
         (slope, worst)
     };
-    let all: Vec<&Pair> = pairs.iter().collect();
+    let all: Vec<&PicturePair> = pairs.iter().collect();
     if all.len() < 2 || fit(&all).1 <= OFF_LINE / 2.0 {
         return None;
     }
     let mut best: Option<(f64, usize, f64)> = None;
     for &k in left {
-        let others: Vec<&Pair> = pairs.iter().filter(|p| p.0 != k && p.1 != k).collect();
+        let others: Vec<&PicturePair> = pairs.iter().filter(|p| p.0 != k && p.1 != k).collect();
         let own = of_picture(pairs, k);
         if others.is_empty() || own.is_empty() {
             continue;

@@ -53,7 +53,7 @@ impl Default for SolveOptions {
 
 /// Where a response comes from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Origin {
+pub enum ResponseOrigin {
     /// From the pictures.
     Solved {
         /// Worst channel's rms of g(z) - ln E - ln t over the samples, weighted.
@@ -72,7 +72,7 @@ pub struct RecoveredResponse {
     /// Sound in any case.
     pub response: Response,
     /// Solved, or why not.
-    pub origin: Origin,
+    pub origin: ResponseOrigin,
 }
 
 /// Recovers g for each channel by the least squares of Eq. 3 of [DM97]: sum over samples of
@@ -85,9 +85,11 @@ pub struct RecoveredResponse {
 pub fn solve(pictures: &[&Rgb8Image], exposures: &[Exposure], options: &SolveOptions) -> RecoveredResponse {
     match try_solve(pictures, exposures, options) {
         Ok((response, residual_rms)) => {
-            RecoveredResponse { response, origin: Origin::Solved { residual_rms } }
+            RecoveredResponse { response, origin: ResponseOrigin::Solved { residual_rms } }
         }
-        Err(why) => RecoveredResponse { response: Response::srgb(), origin: Origin::Fallback { why } },
+        Err(why) => {
+            RecoveredResponse { response: Response::srgb(), origin: ResponseOrigin::Fallback { why } }
+        }
     }
 }
 
@@ -391,11 +393,11 @@ mod tests {
         let stated: Vec<_> = stated_s.iter().map(|&time_s| Exposure { time_s, gain: 1.0 }).collect();
         let recovered = solve(&pictures, &stated, &SolveOptions::default());
         match recovered.origin {
-            Origin::Fallback { why } => {
+            ResponseOrigin::Fallback { why } => {
                 assert_eq!(recovered.response, Response::srgb());
                 why
             }
-            Origin::Solved { .. } => String::new(),
+            ResponseOrigin::Solved { .. } => String::new(),
         }
     }
 
@@ -407,7 +409,7 @@ mod tests {
         let gains: Vec<_> =
             exposures.iter().map(|e| Exposure { time_s: 0.1, gain: e.time_s / 0.1 }).collect();
         let by_gain = solve(&pictures, &gains, &SolveOptions::default());
-        assert!(matches!(by_time.origin, Origin::Solved { .. }), "{:?}", by_time.origin);
+        assert!(matches!(by_time.origin, ResponseOrigin::Solved { .. }), "{:?}", by_time.origin);
         for (a, b) in by_time.response.log_exposure()[1].iter().zip(by_gain.response.log_exposure()[1]) {
             assert!((a - b).abs() < 1e-5);
         }

@@ -1,7 +1,7 @@
 //! Light over time: a low pass on the coefficients, and how sure the direction is.
 
 use super::halve::{HalveOptions, Halver};
-use super::prefilter::{Prefilter, Wanted};
+use super::prefilter::{Prefilter, WantedEnvironment};
 use super::split::{SplitOptions, first_moment, split};
 use crate::math::sh::MAX_COEFFICIENTS;
 use crate::model::{
@@ -34,7 +34,7 @@ pub struct Follow {
     weights: UpdateWeights,
     noise: MomentNoise,
     last: Option<LightEstimate>,
-    wanted: Wanted,
+    wanted: WantedEnvironment,
     prefilter: Prefilter,
     environment: EnvironmentPicture,
     left: RadianceSamples,
@@ -112,7 +112,7 @@ impl Follow {
             weights: UpdateWeights::default(),
             noise: MomentNoise::default(),
             last: None,
-            wanted: Wanted::default(),
+            wanted: WantedEnvironment::default(),
             prefilter: Prefilter::default(),
             environment: EnvironmentPicture::default(),
             left: RadianceSamples::default(),
@@ -121,7 +121,7 @@ impl Follow {
     }
 
     /// What of the picture of the environment is to be kept up with the light; nothing where nothing was said.
-    pub fn want(&mut self, wanted: Wanted) {
+    pub fn want(&mut self, wanted: WantedEnvironment) {
         self.wanted = wanted;
     }
 
@@ -451,7 +451,7 @@ mod tests {
         };
         update(&mut follow, 0.0, 1.0);
         assert!(follow.environment().is_none(), "nobody wants it");
-        follow.want(Wanted { picture: true, glossy: true });
+        follow.want(WantedEnvironment { picture: true, glossy: true });
         update(&mut follow, 0.1, 1.0);
         let look = |follow: &Follow| {
             let picture = follow.environment().unwrap();

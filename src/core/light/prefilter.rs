@@ -19,14 +19,14 @@ const LOBE_END: f32 = 1e-4;
 
 /// What is wanted of an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct WantedEnvironment {
     /// The picture itself.
     pub picture: bool,
     /// The levels for gloss.
     pub glossy: bool,
 }
 
-impl Wanted {
+impl WantedEnvironment {
     /// What a scene needs with light of an SH order: the picture for mirrors, the levels for sharp gloss.
     pub fn by(scene: &crate::model::scene::Scene, order: usize) -> Self {
         use crate::model::scene::Material;

@@ -78,7 +78,7 @@ pub enum Interpolation {
 
 /// One moved property of one node.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Channel {
+pub struct AnimationChannel {
     /// Index of the node.
     pub node: u32,
     /// Which property.
@@ -101,7 +101,7 @@ pub struct Clip {
     /// From its first key to its last, seconds.
     pub duration_s: f32,
     /// At most one for each property of a node.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<AnimationChannel>,
 }
 
 /// How the vertices of a part follow the skeleton.

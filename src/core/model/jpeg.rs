@@ -5,7 +5,7 @@ mod tables;
 
 use scan::ScanComponent;
 use std::borrow::Cow;
-use tables::{HuffmanTable, Listed};
+use tables::{HuffmanTable, ListedCodes};
 
 /// What a component's frame header says.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +88,7 @@ impl<'a> WholeJpeg<'a> {
 }
 
 /// What the markers before a scan said.
-struct Said {
+struct MarkerFacts {
     frame: Option<FrameHeader>,
     interval: usize,
     /// Class (0 DC, 1 AC) and number of a table.
@@ -96,10 +96,10 @@ struct Said {
     misses_tables: bool,
 }
 
-impl Said {
+impl MarkerFacts {
     /// Takes the tables of a segment's content.
     fn define(&mut self, mut content: &[u8]) {
-        while let Some((name, listed, rest)) = Listed::read(content) {
+        while let Some((name, listed, rest)) = ListedCodes::read(content) {
             if let Some(slot) =
                 self.huffman.get_mut(usize::from(name >> 4)).and_then(|c| c.get_mut(usize::from(name & 15)))
             {
@@ -165,7 +165,8 @@ pub fn whole(bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
         return Err("it does not begin as a JPEG file".into());
     }
     let cut = || format!("cut: it ends after {} bytes without an end-of-image marker", bytes.len());
-    let mut said = Said { frame: None, interval: 0, huffman: Default::default(), misses_tables: false };
+    let mut said =
+        MarkerFacts { frame: None, interval: 0, huffman: Default::default(), misses_tables: false };
     let mut at = 2;
     loop {
         let marker;
@@ -197,7 +198,7 @@ pub fn whole(bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
     }
 }
 
-impl Said {
+impl MarkerFacts {
     /// Judges a file that has come to its end.
     fn ended(self, bytes: &[u8]) -> Result<WholeJpeg<'_>, String> {
         let frame = self.frame.ok_or("it ends before its picture")?;

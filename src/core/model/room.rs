@@ -65,7 +65,7 @@ pub struct RoomSun {
 
 /// A small flat piece of a room's surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Patch {
+pub struct RoomPatch {
     /// Indices into [`RoomPatches::vertices`], counter-clockwise seen from the front; of a triangle the last is the third
     /// again.
     pub corners: [u32; 4],
@@ -86,7 +86,7 @@ pub struct Patch {
     pub surface: u32,
 }
 
-impl Patch {
+impl RoomPatch {
     /// Its three or four corners.
     pub fn corners(&self) -> &[u32] {
         let count = if self.corners[3] == self.corners[2] { 3 } else { 4 };
@@ -118,7 +118,7 @@ pub struct RoomPatches {
     /// Corners of the patches.
     pub vertices: Vec<PatchVertex>,
     /// In order of surface, face and place.
-    pub patches: Vec<Patch>,
+    pub patches: Vec<RoomPatch>,
     /// Faces left out: with less than three corners that differ, no area, a corner that is not finite or that there is
     /// not.
     pub dropped_faces: usize,
@@ -126,7 +126,7 @@ pub struct RoomPatches {
 
 impl RoomPatches {
     /// Corner positions of a patch and how many of them count (3 or 4); places of missing vertices are zero.
-    pub fn outline_world(&self, patch: &Patch) -> ([Vec3; 4], usize) {
+    pub fn outline_world(&self, patch: &RoomPatch) -> ([Vec3; 4], usize) {
         let corner = |i: u32| self.vertices.get(i as usize).map_or(Vec3::ZERO, |v| v.position_world);
         (patch.corners.map(corner), patch.corners().len())
     }

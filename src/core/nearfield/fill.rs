@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     math::color,
-    model::room::{Patch, Room, RoomPatches, RoomSun},
+    model::room::{Room, RoomPatch, RoomPatches, RoomSun},
 };
 use rayon::prelude::*;
 
@@ -95,7 +95,7 @@ pub fn fill_unseen(room: &Room, patches: &mut RoomPatches, suns: &[RoomSun]) -> 
     unseen.len()
 }
 
-fn indices(patches: &[Patch], keep: impl Fn(&Patch) -> bool) -> Vec<u32> {
+fn indices(patches: &[RoomPatch], keep: impl Fn(&RoomPatch) -> bool) -> Vec<u32> {
     (0..patches.len() as u32).filter(|&i| keep(&patches[i as usize])).collect()
 }
 
@@ -125,7 +125,7 @@ fn gather_rows(
     targets.par_iter().map(row).unzip()
 }
 
-fn makes(room: &Room, patches: &[Patch], surface: u32, telling: &[u32], gathered: &[[f32; 3]]) -> Makes {
+fn makes(room: &Room, patches: &[RoomPatch], surface: u32, telling: &[u32], gathered: &[[f32; 3]]) -> Makes {
     let own = room.surfaces[surface as usize].reflectance_rgb.map(|c| c.clamp(0.0, MOST_REFLECTED));
     let told: Vec<([f32; 3], [f32; 3])> = telling
         .iter()
@@ -152,7 +152,7 @@ fn makes(room: &Room, patches: &[Patch], surface: u32, telling: &[u32], gathered
 }
 
 /// The mean of the nearest seen patches of the same surface that face the same way, or just of the same surface.
-fn like_neighbours(patches: &[Patch], patch: &Patch) -> [f32; 3] {
+fn like_neighbours(patches: &[RoomPatch], patch: &RoomPatch) -> [f32; 3] {
     let mut near: Vec<(bool, f32, [f32; 3])> = patches
         .iter()
         .filter(|p| p.seen && p.surface == patch.surface)
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn is_before(patch: &Patch, at: Vec3) -> bool {
+    fn is_before(patch: &RoomPatch, at: Vec3) -> bool {
         patch.normal_world.dot(at - patch.centre_world) > 0.0
     }
 

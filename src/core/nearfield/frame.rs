@@ -12,9 +12,9 @@ use super::{
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
-    sources::expand::{Priority, Wanted},
+    sources::expand::{Priority, WantedNodes},
     visibility::{
-        point_maps::{PlaceReads, PointLight, PointMaps, SeenPart},
+        point_maps::{PlaceReads, PointLight, PointMapSet, SeenPart},
         proxies::Proxies,
     },
 };
@@ -54,7 +54,7 @@ pub struct NearFrame {
     parts: Vec<SeenPart>,
     casters: Vec<Vec3>,
     boxes: Vec<Aabb>,
-    maps: PointMaps,
+    maps: PointMapSet,
     reads: Vec<PlaceReads>,
     /// Radiant intensity of each light along its normal: sum of radiance times area.
     intensities: Vec<[f32; 3]>,
@@ -107,7 +107,7 @@ impl NearFrame {
         let count = quality.lights.clamp(1, MOST_LIGHTS);
         let more = if quality.left_rad.is_finite() { MORE_LIGHTS } else { 1 };
         let most = (count * more).min(MOST_LIGHTS);
-        let wanted = Wanted { least: count, most, left_rad: quality.left_rad };
+        let wanted = WantedNodes { least: count, most, left_rad: quality.left_rad };
         self.provide(most, field.patches.vertices.len());
         let by = Priority::ErrorRemoved;
         self.suns.mark(field, suns, &self.marks, &self.boxes, Some(&self.view));
@@ -224,12 +224,12 @@ impl NearFrame {
     }
 
     /// Shadow maps of all lights, in the order of [`NearFrame::lights`].
-    pub fn maps(&self) -> &PointMaps {
+    pub fn maps(&self) -> &PointMapSet {
         &self.maps
     }
 
     /// The shadow maps, to take depths drawn elsewhere.
-    pub fn maps_mut(&mut self) -> &mut PointMaps {
+    pub fn maps_mut(&mut self) -> &mut PointMapSet {
         &mut self.maps
     }
 

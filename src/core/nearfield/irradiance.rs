@@ -12,7 +12,7 @@ use crate::{
     model::{
         keep::{KeptInput, as_bytes},
         light::RadianceSh,
-        room::{Patch, Room, RoomPatches},
+        room::{Room, RoomPatch, RoomPatches},
     },
 };
 use glam::{Vec2, Vec3};
@@ -317,7 +317,7 @@ fn step_of(index: usize, counts: [usize; 3]) -> glam::UVec3 {
 }
 
 /// Radiance that leaves a patch: as measured, else its own and what it reflects.
-pub fn sent_out(field: &NearField, patch: &Patch) -> [f32; 3] {
+pub fn sent_out(field: &NearField, patch: &RoomPatch) -> [f32; 3] {
     if patch.seen && patch.radiance_rgb != [0.0; 3] {
         return patch.radiance_rgb;
     }

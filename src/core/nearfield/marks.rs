@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     math::{lens::Lens, pose::Pose},
-    model::room::Patch,
+    model::room::RoomPatch,
 };
 use glam::{DVec2, DVec3, Vec3};
 
@@ -67,7 +67,7 @@ impl SeenReceivers {
     }
 }
 
-fn radius(field: &NearField, patch: &Patch) -> f64 {
+fn radius(field: &NearField, patch: &RoomPatch) -> f64 {
     let (corners, count) = field.patches.outline_world(patch);
     corners[..count].iter().map(|c| c.distance(patch.centre_world)).fold(0.0, f32::max).into()
 }

@@ -3,7 +3,7 @@
 use super::{error::RoomError, shadow_edges::ShadowEdges, transfer::Statics};
 use crate::{
     math::color,
-    model::room::{Face, Patch, PatchVertex, Room, RoomPatches},
+    model::room::{Face, PatchVertex, Room, RoomPatch, RoomPatches},
 };
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -390,7 +390,7 @@ fn assemble(room: &Room, pieces: &[PatchPiece], diagonal: f64, dropped_faces: us
             index
         });
         let surface = &room.surfaces[piece.surface as usize];
-        out.patches.push(Patch {
+        out.patches.push(RoomPatch {
             corners,
             centre_world: centre.as_vec3(),
             normal_world: piece.normal.as_vec3(),

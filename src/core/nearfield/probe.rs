@@ -19,7 +19,7 @@ use crate::{
         image::RadianceImage,
         keep::KeptInput,
         light::{EnvironmentMap, MapLayout, RadianceSamples},
-        room::{Patch, Room, RoomPatches, RoomSun},
+        room::{Room, RoomPatch, RoomPatches, RoomSun},
     },
 };
 use glam::{DMat3, DVec3, Vec3};
@@ -129,7 +129,7 @@ impl KeptInput for MappedInput<'_> {
     fn accepts(&self, mapped: &Mapped) -> bool {
         let RoomPatches { vertices, patches, .. } = &mapped.patches;
         let surfaces = self.room.surfaces.len();
-        let patch_fits = |p: &Patch| {
+        let patch_fits = |p: &RoomPatch| {
             (p.surface as usize) < surfaces && p.corners.iter().all(|&i| (i as usize) < vertices.len())
         };
         let within = |i: &u32| (*i as usize) < surfaces;

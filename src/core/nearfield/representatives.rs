@@ -3,7 +3,7 @@
 use super::{field::NearField, marks::Marks, packed::BlockSums, shaft::Aabb};
 use crate::{
     math::solve::symmetric_eigen,
-    sources::expand::{Chosen, Expander, Marked, Priority, Wanted},
+    sources::expand::{Chosen, Expander, Marked, Priority, WantedNodes},
     visibility::point_maps::SeenPart,
 };
 use glam::{DVec3, Vec3};
@@ -65,7 +65,7 @@ impl Representatives {
         marks: &Marks,
         objects: &[Aabb],
         far: Option<Marked<'_>>,
-        wanted: Wanted,
+        wanted: WantedNodes,
         by: Priority,
     ) {
         let around = objects.iter().filter(|b| b.is_sound()).fold(Aabb::EMPTY, |sum, b| sum.join(b));

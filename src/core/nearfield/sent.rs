@@ -15,7 +15,7 @@ use crate::{
     math::color,
     model::{
         keep::KeptInput,
-        room::{Face, Patch, PatchVertex, Room, RoomPatches},
+        room::{Face, PatchVertex, Room, RoomPatch, RoomPatches},
     },
     sources::tree::SourceTree,
 };
@@ -78,7 +78,7 @@ impl Ends {
         if set.patches.is_empty() {
             return Err(RoomError::NoLight { patches: all.len() });
         }
-        let reflects = |p: &Patch| p.reflectance_rgb.iter().any(|c| *c > 0.0);
+        let reflects = |p: &RoomPatch| p.reflectance_rgb.iter().any(|c| *c > 0.0);
         let receivers: Vec<u32> = (0..all.len() as u32).filter(|&i| reflects(&all[i as usize])).collect();
         if receivers.is_empty() {
             return Err(RoomError::NoReceivers { patches: all.len() });
@@ -206,7 +206,7 @@ fn check(how: &Preparation) -> Result<(), RoomError> {
     Ok(())
 }
 
-fn source(all: &[Patch], index: u32) -> SendingPatch {
+fn source(all: &[RoomPatch], index: u32) -> SendingPatch {
     let patch = &all[index as usize];
     SendingPatch {
         patch: index,

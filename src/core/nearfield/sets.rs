@@ -1,7 +1,7 @@
 //! Which patches count as sources (Section 4 of [Gib03]), and what may be neglected at a vertex (the 2 % rule of
 //! Section 6, as a budget).
 
-use crate::{math::color, model::room::Patch};
+use crate::{math::color, model::room::RoomPatch};
 
 /// The patches whose shadows are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,7 +17,7 @@ pub struct SourceSet {
 /// The smallest set of the brightest patches (by luminance of their radiance) whose power, radiance times area, is at
 /// least `share` (0 to 1) of the power of all. Patches without positive, finite power never belong to it. Among equals
 /// the earlier one comes first.
-pub fn source_set(patches: &[Patch], share: f64) -> SourceSet {
+pub fn source_set(patches: &[RoomPatch], share: f64) -> SourceSet {
     let radiance = |i: u32| f64::from(color::luminance(patches[i as usize].radiance_rgb));
     let power = |i: u32| radiance(i) * f64::from(patches[i as usize].area_m2);
     let mut lit: Vec<u32> =

@@ -6,7 +6,7 @@
 use super::{field::NearField, frame::NearFrame, sun_shadows::SunShadows};
 use crate::{
     math::widest::widest,
-    visibility::{point_maps::WHOLE, shadow_maps::ShadowMaps},
+    visibility::{point_maps::WHOLE, shadow_maps::ShadowMapSet},
 };
 use glam::Vec3;
 use std::cell::OnceCell;
@@ -24,7 +24,7 @@ pub struct SubtractFrame<'a> {
     /// Suns that shine in, with the room's own shadows.
     pub suns: &'a SunShadows,
     /// The objects' maps under those suns that have one in this frame (`NearFrame::sun_maps`), in the suns' order.
-    pub sun_shadows: &'a ShadowMaps,
+    pub sun_shadows: &'a ShadowMapSet,
     /// Taps a side of the suns' filter.
     pub taps: u32,
 }

@@ -8,7 +8,7 @@ use crate::{
     math::widest::widest,
     model::{
         keep::as_bytes,
-        room::{Patch, RoomPatches},
+        room::{RoomPatch, RoomPatches},
     },
 };
 use serde::{Deserialize, Serialize};
@@ -45,8 +45,8 @@ impl NodeSums {
     pub fn of_source(patches: &RoomPatches, receivers: &[u32], octree: &Octree, dense: &[f32]) -> Vec<u16> {
         let nodes = octree.nodes().len();
         let (mut sums, mut areas) = (vec![0.0f32; nodes], vec![0.0f32; nodes]);
-        let patch = |i: u32| -> &Patch { &patches.patches[receivers[i as usize] as usize] };
-        let mean = |p: &Patch| {
+        let patch = |i: u32| -> &RoomPatch { &patches.patches[receivers[i as usize] as usize] };
+        let mean = |p: &RoomPatch| {
             p.corners().iter().map(|&v| dense[v as usize]).sum::<f32>() / p.corners().len() as f32
         };
         up(octree, &mut sums, |items| items.iter().map(|&i| patch(i).area_m2 * mean(patch(i))).sum());

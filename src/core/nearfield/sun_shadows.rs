@@ -7,7 +7,7 @@ use crate::{
         light::HardLight,
         room::{Room, RoomSun},
     },
-    visibility::shadow_maps::{Receivers, ShadowMaps},
+    visibility::shadow_maps::{Receivers, ShadowMapSet},
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -24,7 +24,7 @@ const BEFORE_TEXELS: f32 = 4.0;
 struct ShadowedSun {
     light: HardLight,
     /// Depths of the room without the sun's apertures; drawn once.
-    room: ShadowMaps,
+    room: ShadowMapSet,
 }
 
 /// The suns of a room and its own shadow under each.
@@ -45,7 +45,7 @@ impl SunShadows {
                 extent_rad: sun.extent_rad,
             };
             let (positions, triangles) = sun_blockers(room, sun);
-            let mut of_room = ShadowMaps::default();
+            let mut of_room = ShadowMapSet::default();
             of_room.fit(&[light], &positions, &triangles, &Receivers::default(), texels, ROOM_TAPS);
             of_room.draw(&positions, &triangles);
             ShadowedSun { light, room: of_room }
@@ -69,7 +69,7 @@ impl SunShadows {
     }
 
     /// Sun `k` and the room's map of it: the one map of its set.
-    pub fn get(&self, k: usize) -> Option<(&HardLight, &ShadowMaps)> {
+    pub fn get(&self, k: usize) -> Option<(&HardLight, &ShadowMapSet)> {
         self.suns.get(k).map(|sun| (&sun.light, &sun.room))
     }
 
@@ -94,7 +94,7 @@ impl SunShadows {
         point_world: Vec3,
         normal: Vec3,
         maps: &[Option<u32>],
-        objects: &ShadowMaps,
+        objects: &ShadowMapSet,
         taps: u32,
     ) -> [[f32; 3]; 2] {
         let mut sums = [[0.0f32; 3]; 2];

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     math::color,
-    model::room::Patch,
+    model::room::RoomPatch,
     sources::{
         expand::{Chosen, Marked},
         tree::SourceTree,
@@ -80,7 +80,7 @@ impl SunSources {
 }
 
 /// The box around the cells of a patch that light reaches at their middles, and the share of all that does; `None`: nowhere.
-fn reached(field: &NearField, patch: &Patch, arrives: impl Fn(Vec3) -> f32) -> Option<(Aabb, f32)> {
+fn reached(field: &NearField, patch: &RoomPatch, arrives: impl Fn(Vec3) -> f32) -> Option<(Aabb, f32)> {
     let ([a, b, c, d], count) = field.patches.outline_world(patch);
     let d = if count == 3 { c } else { d };
     let at = |i: f32, j: f32| {

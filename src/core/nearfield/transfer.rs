@@ -7,7 +7,7 @@
 use super::form_factor::form_factor;
 use crate::{
     math::bvh::Bvh,
-    model::room::{Patch, Room, RoomPatches},
+    model::room::{Room, RoomPatch, RoomPatches},
 };
 use glam::{DVec3, Vec3};
 
@@ -68,7 +68,7 @@ pub struct SourceOutline {
 
 impl SourceOutline {
     /// A patch's outline, world frame.
-    pub fn new(patches: &RoomPatches, patch: &Patch, seed: u32) -> Self {
+    pub fn new(patches: &RoomPatches, patch: &RoomPatch, seed: u32) -> Self {
         let (corners, count) = patches.outline_world(patch);
         Self {
             corners: corners.map(|c| c.as_dvec3()),

@@ -96,7 +96,7 @@ impl Effect {
 
 /// What becomes of an effect in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Verdict {
+pub enum EffectVerdict {
     /// It is computed.
     On,
     /// The result of an earlier frame is used: computing it anew would give the same bits.
@@ -105,7 +105,7 @@ pub enum Verdict {
     Off,
 }
 
-impl Verdict {
+impl EffectVerdict {
     /// For tables and JSON.
     pub const fn name(self) -> &'static str {
         match self {
@@ -122,7 +122,7 @@ pub struct Decision {
     /// On what.
     pub effect: Effect,
     /// What was decided.
-    pub verdict: Verdict,
+    pub verdict: EffectVerdict,
     /// Why, in a few words.
     pub reason: &'static str,
     /// Work that doing without it saves (`on`: would save), in millions of the units of `plan::work`.

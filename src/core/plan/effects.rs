@@ -1,8 +1,8 @@
 //! What a frame needs, decided from what there is: objects, light, camera, what the caller wants, and what has changed.
 
 use super::{
-    Decision, Effect, Foresight, FramePlan, Pass, PassSet, PlannedPass, Verdict,
-    look::{Look, Ruling, Rulings},
+    Decision, Effect, EffectVerdict, Foresight, FramePlan, Pass, PassSet, PlannedPass,
+    look::{FrameLook, Ruling, Rulings},
     work::Amounts,
 };
 use crate::math::{lens::Lens, pose::Pose};
@@ -81,11 +81,11 @@ pub fn plan(occasion: &Occasion<'_>, scene: &Scene, light: &Lights, quality: &Qu
     out.decisions.reserve(Effect::ALL.len());
     out.quality = *quality;
 
-    let look = Look::of(occasion, scene, light, quality);
+    let look = FrameLook::of(occasion, scene, light, quality);
     let rulings = look.rulings();
     out.passes_through = rulings.passes_through;
     let all = quality.effects == Effects::All;
-    let frame = Frame {
+    let frame = UndecidedFrame {
         used: PassSet::where_true(|pass| rulings.of_pass(pass, quality).why.is_ok()),
         foresight: occasion.foresight.filter(|_| !all).unwrap_or(&Foresight::NONE),
         amounts: look.amounts(),
@@ -109,7 +109,7 @@ fn kept_because(pass: Pass) -> &'static str {
 }
 
 /// A frame while it is decided on.
-struct Frame<'a> {
+struct UndecidedFrame<'a> {
     rulings: Rulings,
     used: PassSet,
     foresight: &'a Foresight,
@@ -118,7 +118,7 @@ struct Frame<'a> {
     all: bool,
 }
 
-impl Frame<'_> {
+impl UndecidedFrame<'_> {
     /// What a pass reads has to be kept, too, or to come out the same; the engine has seen to that.
     fn is_kept(&self, pass: Pass) -> bool {
         self.used.has(pass) && self.foresight.holds(pass, self.used)
@@ -141,9 +141,9 @@ impl Frame<'_> {
         let ruling =
             pass.map_or(Ruling::nothing("no pass draws it"), |p| self.rulings.of_pass(p, self.quality));
         let (verdict, reason) = match (ruling.why, pass) {
-            (Ok(_), Some(pass)) if self.is_kept(pass) => (Verdict::Kept, kept_because(pass)),
-            (Ok(reason), _) => (Verdict::On, reason),
-            (Err(reason), _) => (Verdict::Off, reason),
+            (Ok(_), Some(pass)) if self.is_kept(pass) => (EffectVerdict::Kept, kept_because(pass)),
+            (Ok(reason), _) => (EffectVerdict::On, reason),
+            (Err(reason), _) => (EffectVerdict::Off, reason),
         };
         let units = pass.map_or(0.0, |pass| self.amounts.of(pass));
         decided(effect, ruling, verdict, reason, units)
@@ -154,10 +154,10 @@ impl Frame<'_> {
         let ruling = self.rulings.of(effect);
         let (units, held) = self.cost_and_held(effect);
         let (verdict, reason) = match (ruling.why, held) {
-            (Err(reason), _) => (Verdict::Off, reason),
-            (Ok(_), _) if self.is_kept(whole) => (Verdict::Kept, "what it goes into is kept"),
-            (Ok(_), Some(reason)) if !self.all => (Verdict::Kept, reason),
-            (Ok(reason), _) => (Verdict::On, reason),
+            (Err(reason), _) => (EffectVerdict::Off, reason),
+            (Ok(_), _) if self.is_kept(whole) => (EffectVerdict::Kept, "what it goes into is kept"),
+            (Ok(_), Some(reason)) if !self.all => (EffectVerdict::Kept, reason),
+            (Ok(reason), _) => (EffectVerdict::On, reason),
         };
         decided(effect, ruling, verdict, reason, units)
     }
@@ -185,8 +185,14 @@ impl Frame<'_> {
     }
 }
 
-fn decided(effect: Effect, ruling: Ruling, verdict: Verdict, reason: &'static str, units: f32) -> Decision {
-    let error_bound = if verdict == Verdict::Kept { 0.0 } else { ruling.error_bound };
+fn decided(
+    effect: Effect,
+    ruling: Ruling,
+    verdict: EffectVerdict,
+    reason: &'static str,
+    units: f32,
+) -> Decision {
+    let error_bound = if verdict == EffectVerdict::Kept { 0.0 } else { ruling.error_bound };
     Decision { effect, verdict, reason, saving: units * 1e-6, error_bound }
 }
 

@@ -4,7 +4,7 @@ use crate::model::quality::Quality;
 
 /// Settings with what they cost and what they give.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct FrontStep {
     /// The settings.
     pub quality: Quality,
     /// Relative RMSE in shadows against ray tracing, as measured.
@@ -16,21 +16,21 @@ pub struct Step {
 /// Steps from the cheapest to the most accurate: each costs more than the one before and errs less.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Front {
-    steps: Vec<Step>,
+    steps: Vec<FrontStep>,
 }
 
 impl Front {
     /// Those of `steps` that no other beats. Steps whose error or time is not a number above 0 are left out (an error
     /// of 0 is one that was not measured).
-    pub fn of(steps: &[Step]) -> Self {
-        let real = |s: &&Step| s.error.is_finite() && s.error > 0.0 && s.ms.is_finite() && s.ms > 0.0;
-        let steps: Vec<Step> = steps.iter().filter(real).copied().collect();
+    pub fn of(steps: &[FrontStep]) -> Self {
+        let real = |s: &&FrontStep| s.error.is_finite() && s.error > 0.0 && s.ms.is_finite() && s.ms > 0.0;
+        let steps: Vec<FrontStep> = steps.iter().filter(real).copied().collect();
         let points: Vec<[f64; 2]> = steps.iter().map(|s| [f64::from(s.ms), f64::from(s.error)]).collect();
         Self { steps: undominated(&points).into_iter().map(|i| steps[i]).collect() }
     }
 
     /// From the cheapest to the most accurate.
-    pub fn steps(&self) -> &[Step] {
+    pub fn steps(&self) -> &[FrontStep] {
         &self.steps
     }
 
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn an_error_asks_for_its_cheapest_step() {
-        let step = |ms, error| Step { quality: Quality::default(), error, ms };
+        let step = |ms, error| FrontStep { quality: Quality::default(), error, ms };
         let front =
             Front::of(&[step(9.0, 0.05), step(1.0, 0.4), step(3.0, 0.1), step(5.0, 0.2), step(2.0, 0.0)]);
         let errors: Vec<f32> = front.steps().iter().map(|s| s.error).collect();

@@ -1,7 +1,7 @@
 //! Keeps frames within a time, or an error within a bound, by walking along the measured front.
 
 use super::cost::CostModel;
-use super::front::{Front, Step};
+use super::front::{Front, FrontStep};
 use crate::model::time::Timestamp;
 
 /// What the viewer asks for. Both: the cheapest step within the error that fits the time; where none does, the least
@@ -93,7 +93,7 @@ impl Governor {
     }
 
     /// The settings for the next frame.
-    pub fn step(&self) -> &Step {
+    pub fn step(&self) -> &FrontStep {
         &self.front.steps()[self.step]
     }
 
@@ -184,10 +184,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn front() -> Front {
-        let steps: Vec<Step> = [(1.0, 0.5), (2.0, 0.3), (4.0, 0.2), (8.0, 0.12), (16.0, 0.08), (32.0, 0.06)]
-            .iter()
-            .map(|&(ms, error)| Step { quality: Quality::default(), error, ms })
-            .collect();
+        let steps: Vec<FrontStep> =
+            [(1.0, 0.5), (2.0, 0.3), (4.0, 0.2), (8.0, 0.12), (16.0, 0.08), (32.0, 0.06)]
+                .iter()
+                .map(|&(ms, error)| FrontStep { quality: Quality::default(), error, ms })
+                .collect();
         Front::of(&steps)
     }
 

@@ -66,7 +66,7 @@ impl Rulings {
 }
 
 /// What there is in a frame.
-pub struct Look<'a> {
+pub struct FrameLook<'a> {
     occasion: &'a Occasion<'a>,
     scene: &'a Scene,
     light: &'a Lights,
@@ -85,7 +85,7 @@ pub struct Look<'a> {
     is_glossy: bool,
 }
 
-impl<'a> Look<'a> {
+impl<'a> FrameLook<'a> {
     /// Looks at a frame.
     pub fn of(occasion: &'a Occasion<'a>, scene: &'a Scene, light: &'a Lights, quality: &'a Quality) -> Self {
         let all = quality.effects == Effects::All;

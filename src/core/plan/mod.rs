@@ -13,7 +13,7 @@ pub mod pass;
 mod view_cone;
 pub mod work;
 
-pub use decision::{Decision, Effect, Verdict};
+pub use decision::{Decision, Effect, EffectVerdict};
 pub use foresight::Foresight;
 pub use pass::{Pass, PassSet, Product};
 

@@ -19,7 +19,7 @@ pub enum Priority {
 
 /// How many nodes are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
+pub struct WantedNodes {
     /// So many at least, where there are as many.
     pub least: usize,
     /// Never more.
@@ -28,7 +28,7 @@ pub struct Wanted {
     pub left_rad: f32,
 }
 
-impl Wanted {
+impl WantedNodes {
     /// As many as `count`, whatever is left.
     pub const fn exactly(count: usize) -> Self {
         Self { least: count, most: count, left_rad: f32::INFINITY }
@@ -148,7 +148,7 @@ impl Expander {
     /// (those of the frame before until another sends 1.25 times their light), and the others hide nothing. Fewer come where
     /// nothing is left to split.
     /// Order: by tree, then by node. Leaves without positive, finite light or a finite direction are not marked.
-    pub fn expand(&mut self, trees: &[Marked<'_>], wanted: Wanted, by: Priority) -> &[Chosen] {
+    pub fn expand(&mut self, trees: &[Marked<'_>], wanted: WantedNodes, by: Priority) -> &[Chosen] {
         let count = wanted.most.max(wanted.least);
         let before = self.chosen.len();
         self.frame = self.frame.wrapping_add(1).max(2);

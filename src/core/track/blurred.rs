@@ -8,7 +8,7 @@
 use super::edges::{RefinedCorners, area_share};
 use super::normal;
 use super::tag_pose::homography_from_square;
-use super::template::{Cells, MASKS, Patch, RIM, Template};
+use super::template::{Cells, MASKS, RIM, TagPatch, Template};
 use crate::math::solve::solve_positive;
 use crate::model::image::Image;
 use glam::{DMat3, DVec2, DVec3};
@@ -126,7 +126,7 @@ struct Normal {
 /// One fit.
 struct Fit<'a> {
     curve: Curve<'a>,
-    patch: Patch,
+    patch: TagPatch,
     cells: Cells,
     scratch: &'a mut BlurredScratch,
     /// Standard deviation of a residual, 8-bit values.
@@ -150,7 +150,7 @@ pub fn refine_blurred(
     let factor = (side / LARGEST_PX).ceil().min((blur_px / 0.6).floor()).clamp(1.0, 8.0);
     let start = corners_px.map(|c| c / factor);
     let margin = 3.5 * 2.0f64.max(blur_px / factor) + 2.0;
-    let patch = Patch::around(&start, margin)?;
+    let patch = TagPatch::around(&start, margin)?;
     if patch.width > PATCH_LIMIT_PX || patch.height > PATCH_LIMIT_PX {
         return None;
     }

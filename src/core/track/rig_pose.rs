@@ -116,7 +116,7 @@ impl RigPoseSolver {
     }
 
     /// Refines a candidate over the tags that agree with it: all, if all do once refined.
-    fn settle(&mut self, world_from_camera: Pose, lens: &Lens, prior: &Prior) -> Option<Settled> {
+    fn settle(&mut self, world_from_camera: Pose, lens: &Lens, prior: &Prior) -> Option<SettledPose> {
         let start = world_from_camera.inverse();
         let all = refine(&self.sightings, lens, &start.into());
         let agrees = |tag: &[Sighting], pose: &Pose, limit| tag_rms(tag, lens, pose) < limit;
@@ -145,7 +145,7 @@ impl RigPoseSolver {
         let world_from_camera = camera_from_world.inverse();
         let corners = corner_cost(&self.sightings, lens, &world_from_camera);
         let cost = corners + prior.cost(&world_from_camera);
-        cost.is_finite().then_some(Settled {
+        cost.is_finite().then_some(SettledPose {
             cost,
             corners,
             pose: RigPose {
@@ -162,7 +162,7 @@ impl RigPoseSolver {
 }
 
 #[derive(Clone, Copy)]
-struct Settled {
+struct SettledPose {
     /// Of corners and prior.
     cost: f64,
     corners: f64,

@@ -40,7 +40,7 @@ impl Cells {
 
 /// A rectangle of pixels in which a tag is drawn: the pixel (x, y) of it is the picture's (left + x, top + y).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Patch {
+pub struct TagPatch {
     /// First column; may lie outside the picture.
     pub left: i32,
     /// First row.
@@ -51,7 +51,7 @@ pub struct Patch {
     pub height: usize,
 }
 
-impl Patch {
+impl TagPatch {
     /// The pixels around a tag with its rim and `margin_px` more. `None` for corners that are no proper quadrangle.
     pub fn around(corners_px: &[DVec2; 4], margin_px: f64) -> Option<Self> {
         let homography = homography_from_square(corners_px)?;
@@ -93,7 +93,13 @@ pub struct Template {
 impl Template {
     /// Draws a tag into a patch, each pixel the mean over its area, then blurred by a Gaussian of `blur_px`. `None`
     /// for corners that are no proper quadrangle.
-    pub fn draw(&mut self, cells: Cells, corners_px: &[DVec2; 4], blur_px: f64, patch: &Patch) -> Option<()> {
+    pub fn draw(
+        &mut self,
+        cells: Cells,
+        corners_px: &[DVec2; 4],
+        blur_px: f64,
+        patch: &TagPatch,
+    ) -> Option<()> {
         let tag_from_pixel = homography_from_square(corners_px)?.inverse();
         self.shares.clear();
         self.places.clear();
@@ -116,7 +122,7 @@ impl Template {
     }
 
     /// A Gaussian along rows, then along columns; what lies outside the patch repeats its border.
-    fn blur(&mut self, blur_px: f64, patch: &Patch) {
+    fn blur(&mut self, blur_px: f64, patch: &TagPatch) {
         let half = (3.5 * blur_px).ceil() as usize;
         self.kernel.clear();
         self.kernel.extend((0..=half).map(|k| (-0.5 * (k as f64 / blur_px).powi(2)).exp() as f32));

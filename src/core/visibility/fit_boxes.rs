@@ -100,7 +100,7 @@ fn of_piece(piece: &Piece, most: usize) -> Option<Vec<FittedBox>> {
 
 /// A straight bar's box, its section such that it has the bar's surface: a convex body's silhouette is a quarter of
 /// its surface in the mean.
-fn bar(frame: &pieces::Frame, extent: Vec3, area: f32, volume: f32) -> Option<FittedBox> {
+fn bar(frame: &pieces::PieceFrame, extent: Vec3, area: f32, volume: f32) -> Option<FittedBox> {
     let longest = extent.max_element();
     let across: Vec<usize> = (0..3).filter(|&k| extent[k] < longest).collect();
     let [i, j] = across[..] else { return None };

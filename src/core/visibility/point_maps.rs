@@ -39,7 +39,7 @@ pub fn square_texels(wanted: u32, side: u32) -> u32 {
 
 /// Maps of near lights; memory is kept.
 #[derive(Clone, Debug, Default)]
-pub struct PointMaps {
+pub struct PointMapSet {
     cameras: Vec<Option<PointCamera>>,
     /// Views of each light.
     views: usize,
@@ -49,7 +49,7 @@ pub struct PointMaps {
     maps: Vec<ShadowMap>,
 }
 
-impl PointMaps {
+impl PointMapSet {
     /// No map: nothing is shadowed.
     pub fn clear(&mut self) {
         self.cameras.clear();
@@ -120,7 +120,7 @@ impl PointMaps {
         (0..texels * side).flat_map(|y| (0..side).flat_map(move |c| row_of(y, c))).copied().collect()
     }
 
-    /// Takes light `k`'s depths that were drawn elsewhere, as [`PointMaps::square`] gives them.
+    /// Takes light `k`'s depths that were drawn elsewhere, as [`PointMapSet::square`] gives them.
     pub fn set_square(&mut self, k: usize, depth: &[f32]) {
         let Some(Some(camera)) = self.cameras.get(k) else { return };
         let (texels, side) = (camera.texels as usize, camera.side as usize);

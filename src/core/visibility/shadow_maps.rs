@@ -16,7 +16,7 @@ mod set;
 pub use draw::ShadowMap;
 pub use many::FlatLight;
 pub use receivers::{Receivers, ShadowedBody};
-pub use set::{ShadowMaps, side_of_each};
+pub use set::{ShadowMapSet, side_of_each};
 
 use crate::math::sh::Real;
 use glam::Vec3;

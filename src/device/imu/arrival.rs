@@ -4,7 +4,7 @@
 //! left is a constant: the mean delay, which is estimated elsewhere together with the camera's.
 
 use super::gates::mask;
-use super::sample::Stamp;
+use super::sample::SampleStamp;
 use crate::model::time::Timestamp;
 
 /// Samples of a regression.
@@ -27,7 +27,7 @@ pub struct Arrivals {
     at: f64,
     /// How far `at` went with the last sample; 0 at a beginning.
     step: f64,
-    stamp: Stamp,
+    stamp: SampleStamp,
     line: Option<(f64, f64)>,
     late_s: [f64; RECENT],
     last: Option<Timestamp>,
@@ -44,7 +44,7 @@ impl Arrivals {
             begin: Timestamp(0),
             at: 0.0,
             step: 0.0,
-            stamp: Stamp::Unstated,
+            stamp: SampleStamp::Unstated,
             line: None,
             late_s: [0.0; RECENT],
             last: None,
@@ -53,7 +53,7 @@ impl Arrivals {
     }
 
     /// The time of a sample; `None` where it is not later than the one before (counted).
-    pub fn time(&mut self, arrival: Timestamp, stamp: Stamp) -> Option<Timestamp> {
+    pub fn time(&mut self, arrival: Timestamp, stamp: SampleStamp) -> Option<Timestamp> {
         let straight = self.straighten(arrival, stamp);
         if self.last.is_some_and(|last| straight <= last) {
             self.dropped += 1;
@@ -83,7 +83,7 @@ impl Arrivals {
         self.line.is_some()
     }
 
-    fn straighten(&mut self, arrival: Timestamp, stamp: Stamp) -> Timestamp {
+    fn straighten(&mut self, arrival: Timestamp, stamp: SampleStamp) -> Timestamp {
         let since = arrival.seconds_since(self.begin);
         let step = self.step(stamp);
         self.stamp = stamp;
@@ -97,7 +97,7 @@ impl Arrivals {
             self.late_s[self.count % RECENT] = since - (offset + slope * self.at);
             let earliest = self.late_s.iter().copied().fold(f64::INFINITY, f64::min);
             // Delays only add: where even the earliest is late by most of a period, samples were lost.
-            if stamp == Stamp::Unstated && earliest > 0.75 * slope {
+            if stamp == SampleStamp::Unstated && earliest > 0.75 * slope {
                 let lost = (earliest / slope).round().max(1.0);
                 self.at += lost;
                 self.step += lost;
@@ -136,13 +136,13 @@ impl Arrivals {
     }
 
     /// Samples from the one before to this one, by the sensor.
-    fn step(&self, stamp: Stamp) -> f64 {
+    fn step(&self, stamp: SampleStamp) -> f64 {
         match (self.stamp, stamp) {
-            (Stamp::Count { value: a, modulus }, Stamp::Count { value: b, .. }) => {
+            (SampleStamp::Count { value: a, modulus }, SampleStamp::Count { value: b, .. }) => {
                 let step = (b + modulus - a % modulus) % modulus;
                 if step == 0 { f64::from(modulus) } else { f64::from(step) }
             }
-            (Stamp::Ticks { value: a, bits, tick_s }, Stamp::Ticks { value: b, .. }) => {
+            (SampleStamp::Ticks { value: a, bits, tick_s }, SampleStamp::Ticks { value: b, .. }) => {
                 (b.wrapping_sub(a) & mask(bits)) as f64 * tick_s / self.period_s
             }
             _ => 1.0,
@@ -172,7 +172,7 @@ mod tests {
 
     /// Times of a sensor with 300 ppm of drift behind a chip that hands on every 16 ms; returns the spread of the
     /// regressed times and of the arrivals, seconds rms, after the first 256 samples.
-    fn spreads(stamp: impl Fn(u32) -> Stamp, lost: impl Fn(u32) -> bool) -> (f64, f64) {
+    fn spreads(stamp: impl Fn(u32) -> SampleStamp, lost: impl Fn(u32) -> bool) -> (f64, f64) {
         let mut arrivals = Arrivals::new(0.01);
         let mut dice = Dice::new(7);
         let (mut straight, mut raw) = (Vec::new(), Vec::new());
@@ -199,9 +199,12 @@ mod tests {
     #[test]
     fn the_jitter_of_a_chip_is_taken_out() {
         for (name, (straight, raw)) in [
-            ("count", spreads(|k| Stamp::Count { value: k % 256, modulus: 256 }, |_| false)),
-            ("none", spreads(|_| Stamp::Unstated, |_| false)),
-            ("count, some lost", spreads(|k| Stamp::Count { value: k % 256, modulus: 256 }, |k| k % 97 == 5)),
+            ("count", spreads(|k| SampleStamp::Count { value: k % 256, modulus: 256 }, |_| false)),
+            ("none", spreads(|_| SampleStamp::Unstated, |_| false)),
+            (
+                "count, some lost",
+                spreads(|k| SampleStamp::Count { value: k % 256, modulus: 256 }, |k| k % 97 == 5),
+            ),
         ] {
             println!("{name}: {:.3} ms, arrivals {:.3} ms", 1e3 * straight, 1e3 * raw);
             assert!(raw > 0.004 && straight < 0.0007, "{name}: {straight} of {raw}");
@@ -210,7 +213,7 @@ mod tests {
 
     #[test]
     fn samples_that_are_lost_without_an_index_are_noticed() {
-        let (straight, _) = spreads(|_| Stamp::Unstated, |k| (1500..1503).contains(&k));
+        let (straight, _) = spreads(|_| SampleStamp::Unstated, |k| (1500..1503).contains(&k));
         println!("three lost without an index: {:.3} ms", 1e3 * straight);
         assert!(straight < 0.004, "{straight}");
     }
@@ -221,7 +224,7 @@ mod tests {
         let mut dice = Dice::new(3);
         let mut last = None;
         for _ in 0..5000 {
-            let stamp = Stamp::Count { value: (dice.unit() * 256.0) as u32, modulus: 256 };
+            let stamp = SampleStamp::Count { value: (dice.unit() * 256.0) as u32, modulus: 256 };
             let t = arrivals.time(Timestamp((dice.unit() * 1e10) as i64), stamp);
             if let Some(t) = t {
                 assert!(last.is_none_or(|last| t > last));

@@ -120,12 +120,12 @@ fn mean_rate(before: &ImuOrientation, after: &ImuOrientation, dt: f64) -> Option
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::imu::sample::Stamp;
+    use crate::imu::sample::SampleStamp;
     use crate::model::time::Timestamp;
 
     fn wire(k: u32) -> WireSample {
         WireSample {
-            stamp: Stamp::Count { value: k % 256, modulus: 256 },
+            stamp: SampleStamp::Count { value: k % 256, modulus: 256 },
             ..WireSample::empty(Timestamp(i64::from(k) * 10_000_000))
         }
     }

@@ -4,7 +4,7 @@ use super::wire::{PROTOCOLS, Protocol, resync::LONGEST_FRAME};
 use crate::parameters::nearest;
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
-use text::{ImuTable, WholeFile};
+use text::{ImuTable, RigFile};
 
 /// Symbols a second of serial ports.
 pub const BAUD: std::ops::RangeInclusive<u32> = 1200..=4_000_000;
@@ -65,7 +65,7 @@ impl Default for ImuDescription {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
-pub enum FieldType {
+pub enum NumberType {
     U8,
     I8,
     U16le,
@@ -78,7 +78,7 @@ pub enum FieldType {
     F32le,
 }
 
-impl FieldType {
+impl NumberType {
     /// Its length.
     pub fn bytes(self) -> usize {
         match self {
@@ -96,7 +96,7 @@ impl FieldType {
 /// What a field is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[allow(missing_docs)]
-pub enum Quantity {
+pub enum FieldQuantity {
     #[serde(rename = "gyro.x")]
     GyroX,
     #[serde(rename = "gyro.y")]
@@ -119,7 +119,7 @@ pub enum Quantity {
     QuatZ,
 }
 
-impl Quantity {
+impl FieldQuantity {
     /// Its place among rates, forces and the quaternion.
     pub(crate) fn slot(self) -> usize {
         self as usize
@@ -128,15 +128,15 @@ impl Quantity {
 
 /// One number of a described frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Field {
+pub struct FrameField {
     /// First byte, from the frame's own first.
     pub offset: usize,
     /// How it is stored.
-    pub kind: FieldType,
+    pub kind: NumberType,
     /// To rad/s, m/s^2 or 1; negative where the axis points the other way.
     pub scale: f64,
     /// What it is, in the sensor's axes.
-    pub to: Quantity,
+    pub to: FieldQuantity,
 }
 
 /// Checksums of described frames.
@@ -168,11 +168,11 @@ pub struct FrameTable {
     /// Where the checksum stands; what is summed ends before it.
     pub sum_at: usize,
     /// Offset and type of a counter of frames.
-    pub counter: Option<(usize, FieldType)>,
+    pub counter: Option<(usize, NumberType)>,
     /// Offset and type of the sensor's clock, and its tick in seconds.
-    pub clock: Option<(usize, FieldType, f64)>,
+    pub clock: Option<(usize, NumberType, f64)>,
     /// The numbers.
-    pub fields: Vec<Field>,
+    pub fields: Vec<FrameField>,
 }
 
 impl FrameTable {
@@ -202,7 +202,7 @@ impl FrameTable {
             let allowed = format!("must be after sum_from and within {} bytes", self.length);
             return Err(wrong("frame.sum_at", self.sum_at, allowed));
         }
-        let within = |key: &str, offset: usize, kind: FieldType| {
+        let within = |key: &str, offset: usize, kind: NumberType| {
             let fits = offset.saturating_add(kind.bytes()) <= self.length;
             let allowed = format!("{kind:?} must end within {} bytes", self.length);
             if fits { Ok(()) } else { Err(wrong(key, offset, allowed)) }
@@ -225,7 +225,7 @@ impl FrameTable {
 
     fn check_fields(
         &self,
-        within: impl Fn(&str, usize, FieldType) -> Result<(), DescriptionError>,
+        within: impl Fn(&str, usize, NumberType) -> Result<(), DescriptionError>,
     ) -> Result<(), DescriptionError> {
         if self.fields.is_empty() || self.fields.len() > MOST_FIELDS {
             return Err(wrong("field", self.fields.len(), format!("must be 1 to {MOST_FIELDS} tables")));
@@ -261,7 +261,7 @@ impl ImuDescription {
                 format!("must be at most {LONGEST_TEXT}"),
             ));
         }
-        let whole: WholeFile = toml::from_str(text).map_err(|e| wrong("..", "", e))?;
+        let whole: RigFile = toml::from_str(text).map_err(|e| wrong("..", "", e))?;
         whole.imu.map(Self::from_table).transpose()
     }
 

@@ -4,7 +4,7 @@
 //! One that does not is held back; it counts as the new beginning where the next one follows *it* in the same way. So a true
 //! jump, or frames that were lost, cost one sample, and a corruption never gets through alone.
 
-use super::sample::{Stamp, WireSample};
+use super::sample::{SampleStamp, WireSample};
 use glam::{DQuat, DVec3};
 
 /// Most that any sensor here can state: 2292 degrees a second.
@@ -43,14 +43,14 @@ impl Usual {
 
 /// A sample that others are compared with, and how fast it turned.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct HeldSample {
     sample: WireSample,
     turn: Option<DVec3>,
 }
 
 /// What the gates say of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum GateVerdict {
     /// It follows; give it.
     Follows,
     /// It does not follow what came before; the next one decides.
@@ -62,8 +62,8 @@ pub enum Verdict {
 /// The gates of one wire.
 #[derive(Clone, Debug)]
 pub struct Gates {
-    given: Option<Held>,
-    held_back: Option<Held>,
+    given: Option<HeldSample>,
+    held_back: Option<HeldSample>,
     turn_rad: Usual,
     rate_rad_s: Usual,
     force_m_s2: Usual,
@@ -86,11 +86,11 @@ impl Gates {
     }
 
     /// Judges the next sample. Only one that follows may be given.
-    pub fn judge(&mut self, sample: &WireSample) -> Verdict {
+    pub fn judge(&mut self, sample: &WireSample) -> GateVerdict {
         if !is_possible(sample) {
-            return Verdict::Impossible;
+            return GateVerdict::Impossible;
         }
-        let is_old = |held: &Held| sample.arrival.seconds_since(held.sample.arrival) > FORGOTTEN_S;
+        let is_old = |held: &HeldSample| sample.arrival.seconds_since(held.sample.arrival) > FORGOTTEN_S;
         if self.given.as_ref().is_some_and(is_old) {
             self.given = None;
         }
@@ -98,15 +98,15 @@ impl Gates {
             if let Some(held) = self.follow(&before, sample) {
                 self.given = Some(held);
                 self.held_back = None;
-                return Verdict::Follows;
+                return GateVerdict::Follows;
             }
         }
-        self.held_back = Some(Held { sample: *sample, turn: None });
-        Verdict::HeldBack
+        self.held_back = Some(HeldSample { sample: *sample, turn: None });
+        GateVerdict::HeldBack
     }
 
     /// The sample with its turn, where it follows another one.
-    fn follow(&mut self, before: &Held, sample: &WireSample) -> Option<Held> {
+    fn follow(&mut self, before: &HeldSample, sample: &WireSample) -> Option<HeldSample> {
         let steps = steps_between(before.sample.stamp, sample.stamp)?;
         let dt = steps * self.period_s;
         let (mut turn, mut turned) = (None, None);
@@ -132,7 +132,7 @@ impl Gates {
         if let Some(deviation) = turned {
             self.turn_rad.learn(deviation);
         }
-        Some(Held { sample: *sample, turn })
+        Some(HeldSample { sample: *sample, turn })
     }
 }
 
@@ -148,18 +148,18 @@ impl ShortAxis for DQuat {
 }
 
 /// Samples from one to the next; `None` where the index does not follow.
-fn steps_between(before: Stamp, after: Stamp) -> Option<f64> {
+fn steps_between(before: SampleStamp, after: SampleStamp) -> Option<f64> {
     match (before, after) {
-        (Stamp::Count { value: a, modulus }, Stamp::Count { value: b, .. }) => {
+        (SampleStamp::Count { value: a, modulus }, SampleStamp::Count { value: b, .. }) => {
             let next = a.checked_add(1).filter(|next| *next < modulus).unwrap_or(0);
             (b == next).then_some(1.0)
         }
-        (Stamp::Ticks { value: a, bits, .. }, Stamp::Ticks { value: b, .. }) => {
+        (SampleStamp::Ticks { value: a, bits, .. }, SampleStamp::Ticks { value: b, .. }) => {
             let passed = b.wrapping_sub(a) & mask(bits);
             // The upper half of the clock is the past.
             (passed != 0 && passed <= mask(bits) / 2).then_some(1.0)
         }
-        (Stamp::Unstated, Stamp::Unstated) => Some(1.0),
+        (SampleStamp::Unstated, SampleStamp::Unstated) => Some(1.0),
         _ => None,
     }
 }

@@ -8,7 +8,7 @@ pub const GRAVITY_M_S2: f64 = 9.80665;
 
 /// When the sensor made a sample, by its own count or clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stamp {
+pub enum SampleStamp {
     /// The protocol says nothing.
     Unstated,
     /// A counter of samples that wraps after `modulus` of them.
@@ -35,7 +35,7 @@ pub struct WireSample {
     /// When its last byte was read, the program's clock.
     pub arrival: Timestamp,
     /// By the sensor's own count or clock.
-    pub stamp: Stamp,
+    pub stamp: SampleStamp,
     /// The sensor's axes to a level frame with z up, where the sensor fuses by itself.
     pub orientation: Option<DQuat>,
     /// Angular rate.
@@ -47,7 +47,7 @@ pub struct WireSample {
 impl WireSample {
     /// A sample without any value.
     pub fn empty(arrival: Timestamp) -> Self {
-        Self { arrival, stamp: Stamp::Unstated, orientation: None, gyro_rad_s: None, accel_m_s2: None }
+        Self { arrival, stamp: SampleStamp::Unstated, orientation: None, gyro_rad_s: None, accel_m_s2: None }
     }
 }
 

@@ -118,9 +118,9 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     #[derive(Clone, Default)]
-    struct Shared(Arc<Mutex<Vec<u8>>>);
+    struct SharedBytes(Arc<Mutex<Vec<u8>>>);
 
-    impl Write for Shared {
+    impl Write for SharedBytes {
         fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
             self.0.lock().unwrap().write(bytes)
         }
@@ -135,7 +135,7 @@ mod tests {
         fn a_log_reads_back(reads in prop::collection::vec((0i64..1 << 40, prop::collection::vec(any::<u8>(), 1..300)), 0..20)) {
             let mut reads = reads;
             reads.sort_by_key(|read| read.0);
-            let shared = Shared::default();
+            let shared = SharedBytes::default();
             let mut log = WireLogWriter::new(Box::new(shared.clone()), "serial:/dev/x\ny").unwrap();
             for (t, bytes) in &reads {
                 log.write(Timestamp(*t), bytes);

@@ -148,14 +148,14 @@ impl Message {
 
 /// A channel of the file.
 #[derive(Clone, Debug)]
-pub(super) struct Channel {
+pub(super) struct FileChannel {
     pub(super) name: Arc<str>,
     pub(super) schema: Arc<str>,
     pub(super) encoding_name: Arc<str>,
     pub(super) part: Option<Topic>,
 }
 
-impl Channel {
+impl FileChannel {
     pub(super) fn encoding(&self) -> Encoding {
         Encoding::of(&self.encoding_name)
     }
@@ -165,7 +165,7 @@ impl Channel {
 #[derive(Debug, Default)]
 pub(super) struct Channels {
     schemas: BTreeMap<u16, Arc<str>>,
-    all: BTreeMap<u16, Channel>,
+    all: BTreeMap<u16, FileChannel>,
     wanted: TopicNames,
     /// Names of the topics that play a part.
     taken: BTreeMap<Topic, Arc<str>>,
@@ -177,7 +177,7 @@ impl Channels {
         Self { wanted, ..Self::default() }
     }
 
-    pub(super) fn get(&self, id: u16) -> Option<&Channel> {
+    pub(super) fn get(&self, id: u16) -> Option<&FileChannel> {
         self.all.get(&id)
     }
 
@@ -207,7 +207,7 @@ impl Channels {
                 }) {
                     return;
                 }
-                let mut channel = Channel {
+                let mut channel = FileChannel {
                     name: found.topic.into(),
                     schema,
                     encoding_name: found.message_encoding.into(),
@@ -232,7 +232,7 @@ impl Channels {
     }
 
     /// The part of a channel that is defined after the others were settled.
-    fn part_of_late(&mut self, channel: &Channel) -> Option<Topic> {
+    fn part_of_late(&mut self, channel: &FileChannel) -> Option<Topic> {
         let part = self.by_name(&channel.name).or_else(|| {
             let part = part_of(&channel.schema)?;
             let is_free = !self.wanted.0.contains_key(&part) && !self.taken.contains_key(&part);
@@ -344,7 +344,7 @@ mod tests {
     fn settled(list: &[(&str, &str)], wanted: TopicNames) -> Result<Vec<(String, Topic)>, String> {
         let mut channels = Channels::new(wanted);
         for (id, (name, schema)) in list.iter().enumerate() {
-            let channel = Channel {
+            let channel = FileChannel {
                 name: (*name).into(),
                 schema: (*schema).into(),
                 encoding_name: "cdr".into(),

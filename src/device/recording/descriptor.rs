@@ -4,7 +4,7 @@ use super::wire::WireWriter;
 
 /// The type of a field, as numbered in `descriptor.proto`.
 #[derive(Clone, Copy, Debug)]
-pub enum FieldType {
+pub enum ProtoFieldType {
     /// `double`
     Double,
     /// `repeated double`
@@ -33,7 +33,7 @@ pub struct ProtoFile {
     /// The message's, without the package.
     pub name: &'static str,
     /// Names, numbers and types.
-    pub fields: &'static [(&'static str, u32, FieldType)],
+    pub fields: &'static [(&'static str, u32, ProtoFieldType)],
 }
 
 impl ProtoFile {
@@ -46,7 +46,7 @@ impl ProtoFile {
     fn imports(&self) -> Vec<&'static Self> {
         let mut imports: Vec<&Self> = Vec::new();
         for (_, _, kind) in self.fields {
-            if let FieldType::Message(file) = kind
+            if let ProtoFieldType::Message(file) = kind
                 && !imports.iter().any(|known| known.path == file.path)
             {
                 imports.push(file);
@@ -92,21 +92,21 @@ impl ProtoFile {
     }
 }
 
-fn describe_field(w: &mut WireWriter, name: &str, number: u32, kind: FieldType) {
+fn describe_field(w: &mut WireWriter, name: &str, number: u32, kind: ProtoFieldType) {
     const OPTIONAL: u64 = 1;
     const REPEATED: u64 = 3;
     let (label, code) = match kind {
-        FieldType::Double => (OPTIONAL, 1),
-        FieldType::Doubles => (REPEATED, 1),
-        FieldType::Int64 => (OPTIONAL, 3),
-        FieldType::Int32 => (OPTIONAL, 5),
-        FieldType::Fixed32 => (OPTIONAL, 7),
-        FieldType::Text => (OPTIONAL, 9),
-        FieldType::Message(_) => (OPTIONAL, 11),
-        FieldType::Bytes => (OPTIONAL, 12),
+        ProtoFieldType::Double => (OPTIONAL, 1),
+        ProtoFieldType::Doubles => (REPEATED, 1),
+        ProtoFieldType::Int64 => (OPTIONAL, 3),
+        ProtoFieldType::Int32 => (OPTIONAL, 5),
+        ProtoFieldType::Fixed32 => (OPTIONAL, 7),
+        ProtoFieldType::Text => (OPTIONAL, 9),
+        ProtoFieldType::Message(_) => (OPTIONAL, 11),
+        ProtoFieldType::Bytes => (OPTIONAL, 12),
     };
     w.bytes(1, name.as_bytes()).varint(3, u64::from(number)).varint(4, label).varint(5, code);
-    if let FieldType::Message(file) = kind {
+    if let ProtoFieldType::Message(file) = kind {
         // A leading dot: the name is whole.
         w.bytes(6, format!(".{}", file.full_name()).as_bytes());
     }
@@ -121,22 +121,22 @@ mod tests {
         path: "p/Inner.proto",
         package: "p",
         name: "Inner",
-        fields: &[("x", 1, FieldType::Double)],
+        fields: &[("x", 1, ProtoFieldType::Double)],
     };
     static MIDDLE: ProtoFile = ProtoFile {
         path: "p/Middle.proto",
         package: "p",
         name: "Middle",
-        fields: &[("a", 1, FieldType::Message(&INNER)), ("b", 2, FieldType::Message(&INNER))],
+        fields: &[("a", 1, ProtoFieldType::Message(&INNER)), ("b", 2, ProtoFieldType::Message(&INNER))],
     };
     static OUTER: ProtoFile = ProtoFile {
         path: "p/Outer.proto",
         package: "p",
         name: "Outer",
         fields: &[
-            ("m", 1, FieldType::Message(&MIDDLE)),
-            ("i", 2, FieldType::Message(&INNER)),
-            ("D", 3, FieldType::Doubles),
+            ("m", 1, ProtoFieldType::Message(&MIDDLE)),
+            ("i", 2, ProtoFieldType::Message(&INNER)),
+            ("D", 3, ProtoFieldType::Doubles),
         ],
     };
 

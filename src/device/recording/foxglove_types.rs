@@ -1,7 +1,7 @@
 //! Foxglove's message types as its `.proto` files number them, as far as they are written here.
 
 use super::descriptor::{
-    FieldType::{Bytes, Double, Doubles, Fixed32, Int32, Int64, Message, Text},
+    ProtoFieldType::{Bytes, Double, Doubles, Fixed32, Int32, Int64, Message, Text},
     ProtoFile,
 };
 

@@ -45,20 +45,20 @@ impl From<Time> for Timestamp {
 }
 
 #[derive(Serialize, Deserialize)]
-pub(super) struct Vector {
+pub(super) struct VectorMessage {
     x: f64,
     y: f64,
     z: f64,
 }
 
-impl From<DVec3> for Vector {
+impl From<DVec3> for VectorMessage {
     fn from(v: DVec3) -> Self {
         Self { x: v.x, y: v.y, z: v.z }
     }
 }
 
-impl From<Vector> for DVec3 {
-    fn from(v: Vector) -> Self {
+impl From<VectorMessage> for DVec3 {
+    fn from(v: VectorMessage) -> Self {
         Self::new(v.x, v.y, v.z)
     }
 }
@@ -136,8 +136,8 @@ pub fn read_exposure(message: &Message) -> Result<ExposureNote, String> {
 struct ImuMessage {
     timestamp: Time,
     t_ns: i64,
-    angular_velocity: Vector,
-    linear_acceleration: Vector,
+    angular_velocity: VectorMessage,
+    linear_acceleration: VectorMessage,
 }
 
 /// `halflight.Imu`.
@@ -181,7 +181,7 @@ pub(super) struct Orientation {
 
 #[derive(Deserialize)]
 pub(super) struct PoseMessage {
-    pub(super) position: Vector,
+    pub(super) position: VectorMessage,
     pub(super) orientation: Orientation,
 }
 

@@ -28,7 +28,7 @@ pub mod wire;
 pub mod writer;
 
 pub use channels::{Message, TopicNames};
-pub use notes::Origin;
+pub use notes::RecordingOrigin;
 pub use pictures::PictureCoding;
 pub use places::LARGEST_CHUNK;
 pub use reader::{Damage, RecordingReader};

@@ -11,7 +11,7 @@ pub const NAME: &str = "halflight.recording";
 
 /// Who made a recording, and of what. What is empty is left out of the file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Origin {
+pub struct RecordingOrigin {
     /// With its verb, like `halflight synth`.
     pub program: String,
     /// Of the program.
@@ -24,7 +24,7 @@ pub struct Origin {
     pub scene: String,
 }
 
-impl Origin {
+impl RecordingOrigin {
     /// The texts of the record. The library stands in for a program that does not say its name.
     pub fn texts(&self, rig: Option<&Rig>, coding: PictureCoding) -> BTreeMap<String, String> {
         let (program, version) = match self.program.as_str() {
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn what_is_empty_is_left_out() {
-        let origin = Origin { scene: "a table".into(), ..Origin::default() };
+        let origin = RecordingOrigin { scene: "a table".into(), ..RecordingOrigin::default() };
         let texts = origin.texts(None, PictureCoding::Jpeg(93));
         let names: Vec<&str> = texts.keys().map(String::as_str).collect();
         assert_eq!(names, ["pictures", "program", "scene", "version"]);

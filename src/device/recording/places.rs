@@ -35,7 +35,7 @@ pub(super) enum PlaceKind {
 
 /// A part of the file with messages.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct FilePlace {
     pub(super) start: u64,
     pub(super) end: u64,
     pub(super) kind: PlaceKind,
@@ -43,8 +43,8 @@ pub(super) struct Place {
 
 /// What a walk found.
 #[derive(Debug, Default)]
-pub(super) struct Found {
-    pub(super) places: Vec<Place>,
+pub(super) struct FoundPlaces {
+    pub(super) places: Vec<FilePlace>,
     /// Messages a channel, as the indexes say.
     pub(super) counts: BTreeMap<u16, u64>,
     /// The file ends before its summary.
@@ -62,8 +62,8 @@ pub(super) fn walk<R: Read + Seek>(
     source: &mut R,
     length: u64,
     channels: &mut Channels,
-) -> std::io::Result<Found> {
-    let mut found = Found::default();
+) -> std::io::Result<FoundPlaces> {
+    let mut found = FoundPlaces::default();
     let mut at = MAGIC.len() as u64;
     // No chunk lies before this place that is not known.
     let mut sure = at;
@@ -108,7 +108,7 @@ pub(super) fn walk<R: Read + Seek>(
 /// Takes what is useful from a record outside the chunks; false where it cannot be what it says.
 fn note<R: Read + Seek>(
     source: &mut R,
-    found: &mut Found,
+    found: &mut FoundPlaces,
     channels: &mut Channels,
     (opcode, at, size): (u8, u64, u64),
     head: &[u8],
@@ -144,7 +144,7 @@ fn note<R: Read + Seek>(
                 {
                     run.end = end;
                 }
-                _ => found.places.push(Place { start: at, end, kind: PlaceKind::Loose }),
+                _ => found.places.push(FilePlace { start: at, end, kind: PlaceKind::Loose }),
             }
         }
         _ => {}
@@ -153,7 +153,7 @@ fn note<R: Read + Seek>(
 }
 
 /// The first place from here on that can be a chunk.
-fn search<R: Read + Seek>(source: &mut R, from: u64, length: u64) -> std::io::Result<Option<Place>> {
+fn search<R: Read + Seek>(source: &mut R, from: u64, length: u64) -> std::io::Result<Option<FilePlace>> {
     const BLOCK: usize = 1 << 16;
     const OVERLAP: usize = RECORD_HEAD as usize + CHUNK_HEAD + LONGEST_NAME;
     let mut block = vec![0u8; BLOCK + OVERLAP];
@@ -172,7 +172,7 @@ fn search<R: Read + Seek>(source: &mut R, from: u64, length: u64) -> std::io::Re
 }
 
 /// The chunk that begins with these bytes, if its lengths agree with one another and with the file's.
-fn chunk_place(head: &[u8], at: u64, length: u64) -> Option<Place> {
+fn chunk_place(head: &[u8], at: u64, length: u64) -> Option<FilePlace> {
     let fields = head.get(RECORD_HEAD as usize..).filter(|f| f.len() >= CHUNK_HEAD)?;
     let size = u64_at(head, 1);
     let name = u32_at(fields, 28) as usize;
@@ -185,7 +185,7 @@ fn chunk_place(head: &[u8], at: u64, length: u64) -> Option<Place> {
     let agrees = size == (CHUNK_HEAD + name) as u64 + held.min(LARGEST_CHUNK + 1)
         && u64_at(fields, 0) <= u64_at(fields, 8)
         && end <= length;
-    (head[0] == op::CHUNK && agrees).then_some(Place { start: at, end, kind })
+    (head[0] == op::CHUNK && agrees).then_some(FilePlace { start: at, end, kind })
 }
 
 /// Whether records follow one another to the very end.

@@ -3,7 +3,7 @@
 
 use super::channels::{Channels, Message, TopicNames};
 use super::clock::TimeLine;
-use super::places::{Place, read_at, walk};
+use super::places::{FilePlace, read_at, walk};
 use super::records::{Records, Stop};
 use super::schema::Topic;
 use crate::{DeviceError, ErrorKind};
@@ -58,7 +58,7 @@ const FIRST_PLACES: usize = 4;
 pub struct RecordingReader<R> {
     device: String,
     source: R,
-    places: Vec<Place>,
+    places: Vec<FilePlace>,
     next_place: usize,
     open: Option<Records>,
     channels: Channels,

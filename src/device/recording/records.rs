@@ -2,7 +2,7 @@
 //! was not computed. Packed chunks are unpacked from the file as they are read: no second copy is held.
 
 use super::places::{
-    CHUNK_HEAD, LARGEST_CHUNK, Place, PlaceKind, RECORD_HEAD, read_at, records_fit, u32_at, u64_at,
+    CHUNK_HEAD, FilePlace, LARGEST_CHUNK, PlaceKind, RECORD_HEAD, read_at, records_fit, u32_at, u64_at,
 };
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::{Read, Seek};
@@ -28,8 +28,8 @@ pub(super) enum Stop {
 
 impl Records {
     /// Begins with a place.
-    pub(super) fn open<R: Read + Seek>(source: &mut R, place: Place) -> Result<Self, Stop> {
-        let Place { start, end, kind } = place;
+    pub(super) fn open<R: Read + Seek>(source: &mut R, place: FilePlace) -> Result<Self, Stop> {
+        let FilePlace { start, end, kind } = place;
         if kind == PlaceKind::Packed {
             let mut head = [0; RECORD_HEAD as usize + CHUNK_HEAD];
             let got = read_at(source, start, &mut head).map_err(Stop::Read)?;

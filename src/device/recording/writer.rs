@@ -3,7 +3,7 @@
 use super::{
     frames::{self, CAMERA},
     messages,
-    notes::{self, Origin},
+    notes::{self, RecordingOrigin},
     pictures::{self, PictureCoding},
     schema::{Topic, schema},
 };
@@ -30,7 +30,7 @@ pub struct Setup {
     /// The IMU's true faults.
     pub imu_truth: Option<ImuTruth>,
     /// Who records what.
-    pub origin: Origin,
+    pub origin: RecordingOrigin,
 }
 
 /// What has been written.

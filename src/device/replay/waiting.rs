@@ -36,12 +36,12 @@ impl<T> Recent<T> {
 
 /// Pictures in the order of the file, not decoded.
 #[derive(Default)]
-pub(super) struct Waiting {
+pub(super) struct WaitingPictures {
     pictures: VecDeque<Message>,
     bytes: usize,
 }
 
-impl Waiting {
+impl WaitingPictures {
     pub(super) fn put(&mut self, picture: Message) {
         self.bytes += picture.content.len();
         self.pictures.push_back(picture);

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 /// Tests that count abandoned threads, which are counted for the whole process, run one at a time.
 static ALONE: Mutex<()> = Mutex::new(());
 
-type Said = Arc<Mutex<Vec<String>>>;
+type SaidLines = Arc<Mutex<Vec<String>>>;
 
 fn budget() -> Budget {
     Budget::of_watchdog(2.0).unwrap()
@@ -19,7 +19,10 @@ fn how(clock: Arc<dyn Clock>, silence_s: Option<f64>) -> Supervision {
 }
 
 /// Notes what is said, in one word each with the time; goes on for ever.
-fn noting(clock: impl Clock + 'static, said: &Said) -> impl FnMut(Delivery<u64>) -> bool + Send + 'static {
+fn noting(
+    clock: impl Clock + 'static,
+    said: &SaidLines,
+) -> impl FnMut(Delivery<u64>) -> bool + Send + 'static {
     let said = Arc::clone(said);
     move |delivery| {
         let word = match delivery {
@@ -43,8 +46,8 @@ fn start(
     clock: &(impl Clock + Clone + 'static),
     port: &FakePort<u64>,
     silence_s: Option<f64>,
-) -> (Supervisor, Said) {
-    let said = Said::default();
+) -> (Supervisor, SaidLines) {
+    let said = SaidLines::default();
     let opened = port.clone();
     let supervisor = supervise(
         how(Arc::new(clock.clone()), silence_s),

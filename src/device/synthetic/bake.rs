@@ -3,7 +3,7 @@
 
 use super::{
     random::uniform_pair,
-    room::{Room, SyntheticBallView},
+    room::{SyntheticBallView, SyntheticRoom},
 };
 use crate::math::spiral;
 use glam::{DVec2, DVec3};
@@ -71,7 +71,7 @@ pub struct Fineness {
 }
 
 /// Bakes all faces of the room, and the table's top once more without the ball.
-pub fn bake(room: &mut Room, fineness: Fineness) {
+pub fn bake(room: &mut SyntheticRoom, fineness: Fineness) {
     let faces: Vec<(usize, usize)> = room
         .solids
         .iter()
@@ -103,7 +103,7 @@ pub fn bake(room: &mut Room, fineness: Fineness) {
 }
 
 /// The table's top without the ball: what it changes is computed anew, all else is kept.
-fn bare_table(room: &Room, fineness: Fineness) -> FaceLight {
+fn bare_table(room: &SyntheticRoom, fineness: Fineness) -> FaceLight {
     let (table, top) = room.table_top;
     let shape = &room.solids[table].shape;
     let lit = &room.solids[table].light[top];
@@ -146,7 +146,13 @@ fn counts(size: DVec2, texel: f64) -> (usize, usize) {
 }
 
 /// Light of the lamp and (coarsely) of the window, both with their shadows.
-fn direct(room: &Room, solid: usize, face: usize, ball: SyntheticBallView, fineness: Fineness) -> FaceLight {
+fn direct(
+    room: &SyntheticRoom,
+    solid: usize,
+    face: usize,
+    ball: SyntheticBallView,
+    fineness: Fineness,
+) -> FaceLight {
     let shape = &room.solids[solid].shape;
     let size = shape.face_size(face);
     let scale = fineness.table_texel_m;
@@ -171,7 +177,13 @@ fn direct(room: &Room, solid: usize, face: usize, ball: SyntheticBallView, finen
 
 /// Irradiance from the lamp's globe: exact where nothing can stand in the way, else the visible share of
 /// stratified rays times the unshadowed value.
-fn lamp_irradiance(room: &Room, p: DVec3, n: DVec3, ball: SyntheticBallView, key: [u64; 2]) -> DVec3 {
+fn lamp_irradiance(
+    room: &SyntheticRoom,
+    p: DVec3,
+    n: DVec3,
+    ball: SyntheticBallView,
+    key: [u64; 2],
+) -> DVec3 {
     let to = room.lamp.centre - p;
     let distance = to.length();
     let axis = to / distance;
@@ -228,7 +240,13 @@ fn discs() -> (&'static [DVec2], &'static [DVec2]) {
 }
 
 /// Irradiance from the window, by stratified rays over its opening.
-fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: SyntheticBallView, key: [u64; 2]) -> DVec3 {
+fn window_irradiance(
+    room: &SyntheticRoom,
+    p: DVec3,
+    n: DVec3,
+    ball: SyntheticBallView,
+    key: [u64; 2],
+) -> DVec3 {
     let w = &room.window;
     if (w.middle() - p).dot(n) <= -w.reach() {
         return DVec3::ZERO;
@@ -252,7 +270,7 @@ fn window_irradiance(room: &Room, p: DVec3, n: DVec3, ball: SyntheticBallView, k
 /// `window` plus what the surfaces send to this one, over side x side cosine-distributed rays.
 #[allow(clippy::too_many_arguments, reason = "one face of one pass; a struct would be built and read once")]
 fn gather(
-    room: &Room,
+    room: &SyntheticRoom,
     solid: usize,
     face: usize,
     ball: SyntheticBallView,

@@ -3,7 +3,7 @@
 use super::{
     options::SyntheticSubject,
     paint::{BOARD_SIDE_M, Paint},
-    room::{Lamp, Solid, Window},
+    room::{Lamp, RoomWindow, Solid},
     shapes::SyntheticShape,
 };
 use crate::model::rig::MirrorBall;
@@ -20,7 +20,7 @@ pub struct RoomPlan {
     /// A small strong light.
     pub lamp: Lamp,
     /// A wide light.
-    pub window: Window,
+    pub window: RoomWindow,
     /// Where it stands on the table, and how large it is.
     pub ball: MirrorBall,
 }
@@ -43,7 +43,7 @@ pub fn furnish(view: SyntheticSubject) -> RoomPlan {
         radiance: DVec3::new(1.10, 1.0, 0.84) * 6700.0,
     };
     let window =
-        Window { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 90.0 };
+        RoomWindow { low: DVec3::new(ROOM.0[0], -0.45, 0.16), size: DVec2::new(1.4, 1.25), radiance: 90.0 };
     let ball = MirrorBall {
         surface_radius_m: None,
         centre_world: DVec3::new(-0.20, 0.04, 0.06),
@@ -111,7 +111,7 @@ fn walls() -> Vec<Solid> {
     )]
 }
 
-fn window_frame(solids: &mut Vec<Solid>, w: &Window) {
+fn window_frame(solids: &mut Vec<Solid>, w: &RoomWindow) {
     let white = Paint::Plain(DVec3::splat(0.74));
     let (x, y0, z0) = (w.low.x, w.low.y, w.low.z);
     let (y1, z1) = (y0 + w.size.x, z0 + w.size.y);

@@ -60,14 +60,14 @@ pub struct SyntheticSource {
 
 /// The room with its light, and the truth that follows from it.
 struct BakedRoom {
-    room: room::Room,
+    room: room::SyntheticRoom,
     light: RadianceSh,
 }
 
 impl BakedRoom {
     fn new(texel_mm: f64, view: SyntheticSubject) -> Arc<Self> {
         let fineness = bake::Fineness { table_texel_m: texel_mm * 1e-3, seed: 0x5eed };
-        let room = room::Room::new(view, fineness);
+        let room = room::SyntheticRoom::new(view, fineness);
         Arc::new(Self { light: truth::light_at_ball(&room), room })
     }
 

@@ -2,7 +2,7 @@
 
 use super::{
     film::{Quantiser, expose},
-    room::{Room, SyntheticBallView},
+    room::{SyntheticBallView, SyntheticRoom},
 };
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{frame::Exposure, image::Rgb8Image};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// All that one frame depends on.
 pub struct Shot<'a> {
     /// The place.
-    pub room: &'a Room,
+    pub room: &'a SyntheticRoom,
     /// A pinhole.
     pub lens: &'a Lens,
     /// Where the camera is.

@@ -100,7 +100,7 @@ impl Lamp {
 
 /// An opening in the wall at the smallest x, with a sky outside at infinity.
 #[derive(Clone, Copy, Debug)]
-pub struct Window {
+pub struct RoomWindow {
     /// Lower corner: the wall's x, smallest y and z.
     pub low: DVec3,
     /// Lengths along y and z.
@@ -109,7 +109,7 @@ pub struct Window {
     pub radiance: f64,
 }
 
-impl Window {
+impl RoomWindow {
     /// A point of the opening.
     pub fn point(&self, uv: DVec2) -> DVec3 {
         self.low + DVec3::new(0.0, uv.x * self.size.x, uv.y * self.size.y)
@@ -151,13 +151,13 @@ impl Window {
 
 /// The room, furnished and lit.
 #[derive(Clone, Debug)]
-pub struct Room {
+pub struct SyntheticRoom {
     /// All solids; the walls come first.
     pub solids: Vec<Solid>,
     /// The lamp; one of the solids has its form.
     pub lamp: Lamp,
     /// A wide light.
-    pub window: Window,
+    pub window: RoomWindow,
     /// Solid and face of the table's top.
     pub table_top: (usize, usize),
     /// The table's light without the ball.
@@ -165,17 +165,17 @@ pub struct Room {
     ball: usize,
     ball_facts: MirrorBall,
     lamp_solid: usize,
-    groups: Vec<Group>,
+    groups: Vec<SolidGroup>,
 }
 
 /// Solids that stand together (all after the walls), with the box around them.
 #[derive(Clone, Debug)]
-struct Group {
+struct SolidGroup {
     bounds: (DVec3, DVec3),
     members: std::ops::Range<usize>,
 }
 
-impl Group {
+impl SolidGroup {
     fn of(solids: &[Solid], members: std::ops::Range<usize>) -> Self {
         let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let bounds = solids[members.clone()]
@@ -194,7 +194,7 @@ pub struct Hit {
     pub meeting: Meeting,
 }
 
-impl Room {
+impl SyntheticRoom {
     /// The furnished room with all its light baked.
     pub fn new(view: SyntheticSubject, fineness: Fineness) -> Self {
         let plan = furnish::furnish(view);
@@ -207,7 +207,7 @@ impl Room {
             window: plan.window,
             bare_table: FaceLight::default(),
             ball_facts: plan.ball,
-            groups: plan.groups.windows(2).map(|w| Group::of(&plan.solids, w[0]..w[1])).collect(),
+            groups: plan.groups.windows(2).map(|w| SolidGroup::of(&plan.solids, w[0]..w[1])).collect(),
             solids: plan.solids,
         };
         bake(&mut room, fineness);

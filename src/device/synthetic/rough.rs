@@ -3,7 +3,7 @@
 use super::{
     furnish::RoomPlan,
     paint::Paint,
-    room::{Room as Traced, Solid, SyntheticBallView},
+    room::{Solid, SyntheticBallView, SyntheticRoom},
     shapes::SyntheticShape,
 };
 use crate::math::sphere::equirect_direction;
@@ -125,7 +125,7 @@ fn middle_albedo(solid: &Solid, face: usize) -> DVec3 {
 }
 
 /// An equirectangular picture, world axes, from a place.
-pub fn probe(room: &Traced, position_world: DVec3, height: usize) -> EnvironmentMap {
+pub fn probe(room: &SyntheticRoom, position_world: DVec3, height: usize) -> EnvironmentMap {
     let (width, height) = (2 * height.max(1), height.max(1));
     let mut radiance = RadianceImage::default();
     radiance.reshape(width, height, [0.0; 3]);

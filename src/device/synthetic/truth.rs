@@ -1,6 +1,6 @@
 //! The exact light at the ball's centre.
 
-use super::room::{Room, SyntheticBallView};
+use super::room::{SyntheticBallView, SyntheticRoom};
 use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis};
 use crate::model::light::RadianceSh;
@@ -21,7 +21,7 @@ const PARTS: usize = 8;
 ///
 /// Rays over an equirectangular grid with the exact solid angle of each part; texels with an edge in them
 /// are divided 8 by 8. Sums run row by row and then over the rows, so threads change nothing.
-pub fn light_at_ball(room: &Room) -> RadianceSh {
+pub fn light_at_ball(room: &SyntheticRoom) -> RadianceSh {
     let origin = room.ball().centre_world;
     let look = |theta: f64, phi: f64| {
         let (s, c) = theta.sin_cos();
@@ -67,7 +67,7 @@ pub fn light_at_ball(room: &Room) -> RadianceSh {
 }
 
 /// Radiance of the place as defined for the truth.
-pub fn radiance(room: &Room, origin: DVec3, d: DVec3) -> DVec3 {
+pub fn radiance(room: &SyntheticRoom, origin: DVec3, d: DVec3) -> DVec3 {
     if d.z < 0.0 {
         let foot = origin.truncate() - d.truncate() * (origin.z / d.z);
         if let Some(table) = foot.is_finite().then_some(foot).and_then(|p: DVec2| room.bare_table_radiance(p))

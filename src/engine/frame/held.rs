@@ -29,7 +29,7 @@ struct MadeFrom {
 
 /// Which frame made what. Keeps its memory.
 #[derive(Debug, Default)]
-pub(crate) struct Held {
+pub(crate) struct HeldProducts {
     inputs: Option<Box<MadeFrom>>,
     spheres: Vec<BlockerSphere>,
     boxes: Vec<BlockerBox>,
@@ -54,7 +54,7 @@ pub(crate) struct Held {
     moved: Vec<Range<usize>>,
 }
 
-impl Held {
+impl HeldProducts {
     /// Forgets all that was made of the scene: another one comes.
     pub fn forget_scene(&mut self) {
         self.geometry += 1;

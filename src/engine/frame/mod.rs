@@ -10,7 +10,7 @@ mod shadows;
 mod twin_passes;
 
 pub(crate) use check::{check_frame, check_light};
-pub(crate) use held::Held;
+pub(crate) use held::HeldProducts;
 pub(crate) use results::HostResults;
 pub(crate) use room::RoomState;
 pub(crate) use twin_passes::TwinPasses;
@@ -30,7 +30,7 @@ use crate::model::{quality::Quality, response::Response, scene::Scene};
 use crate::plan::{FramePlan, PassSet};
 use crate::visibility::{
     blockers::Blockers,
-    shadow_maps::{Receivers, ShadowMaps},
+    shadow_maps::{Receivers, ShadowMapSet},
 };
 use crate::{EngineError, NearChoice, RelightInput};
 use glam::Vec3;
@@ -95,7 +95,7 @@ pub(crate) struct FrameState {
     pub scenes_loaded: u64,
     receivers: Receivers,
     /// The hard lights' maps and their cameras.
-    pub shadows: ShadowMaps,
+    pub shadows: ShadowMapSet,
     pub reflected: Reflected,
     /// Soft light at the vertices of objects.
     pub transferred: Transferred,
@@ -109,7 +109,7 @@ pub(crate) struct FrameState {
     pub room: RoomState,
     /// Whether the scene stands in the room.
     stands_in_room: bool,
-    pub held: Held,
+    pub held: HeldProducts,
 }
 
 impl FrameState {

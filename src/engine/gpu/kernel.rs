@@ -62,7 +62,7 @@ impl Binding {
 
 /// A row of the table of kernels.
 #[derive(Clone, Copy, Debug)]
-pub struct Kernel {
+pub struct KernelRow {
     /// Its pass; the pass's name is the stem of shader and twin.
     pub pass: Pass,
     /// Shared functions first, the kernel's own file last.
@@ -75,7 +75,7 @@ pub struct Kernel {
     pub structs: &'static [StructLayout],
 }
 
-impl Kernel {
+impl KernelRow {
     /// The whole WGSL text.
     pub fn wgsl(&self) -> String {
         self.sources.iter().flat_map(|source| [source.text, "\n"]).collect()
@@ -129,7 +129,7 @@ impl Kernel {
 
 /// A kernel's shader and layouts on a device, from which its pipelines are made.
 pub struct Built {
-    kernel: &'static Kernel,
+    kernel: &'static KernelRow,
     module: wgpu::ShaderModule,
     group_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
@@ -137,7 +137,7 @@ pub struct Built {
 
 impl Built {
     /// Compiles the shader. Errors: `Gpu` with what the compiler said.
-    pub fn new(context: &GpuContext, kernel: &'static Kernel) -> Result<Self, EngineError> {
+    pub fn new(context: &GpuContext, kernel: &'static KernelRow) -> Result<Self, EngineError> {
         let name = kernel.pass.name();
         let device = &context.device;
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -20,7 +20,7 @@ enum Memory {
     Texture(wgpu::Texture),
 }
 
-struct Entry {
+struct LiveResource {
     name: &'static str,
     bytes: u64,
     owner: usize,
@@ -46,7 +46,7 @@ impl Drop for Lease {
 
 /// All of a device.
 pub struct LiveList {
-    entries: Mutex<Vec<Entry>>,
+    entries: Mutex<Vec<LiveResource>>,
     owner: AtomicUsize,
 }
 
@@ -95,7 +95,7 @@ impl LiveList {
         let owner = self.owner.load(Ordering::Relaxed);
         let mut entries = self.entries();
         entries.retain(|entry| entry.is_live.load(Ordering::Relaxed));
-        entries.push(Entry { name, bytes, owner, is_live: Arc::clone(&is_live), memory });
+        entries.push(LiveResource { name, bytes, owner, is_live: Arc::clone(&is_live), memory });
         Lease(is_live)
     }
 
@@ -129,7 +129,7 @@ impl LiveList {
         out.sort_unstable();
     }
 
-    fn entries(&self) -> MutexGuard<'_, Vec<Entry>> {
+    fn entries(&self) -> MutexGuard<'_, Vec<LiveResource>> {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

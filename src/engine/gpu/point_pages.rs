@@ -9,7 +9,7 @@ use crate::{
     EngineError,
     nearfield::frame::NearFrame,
     plan::Pass,
-    visibility::point_maps::{PointCamera, PointMaps},
+    visibility::point_maps::{PointCamera, PointMapSet},
 };
 
 /// A page's side never exceeds this many texels, whatever the device takes: its depth buffer is as large.
@@ -117,7 +117,7 @@ impl PointPages {
     }
 
     /// Reads all maps; waits for the device.
-    pub fn download(&mut self, context: &GpuContext, maps: &mut PointMaps) -> Result<(), EngineError> {
+    pub fn download(&mut self, context: &GpuContext, maps: &mut PointMapSet) -> Result<(), EngineError> {
         let (row, side) = ((self.tiles * self.texels) as usize, self.texels as usize);
         let mut texels: Vec<f32> = Vec::new();
         for k in 0..maps.cameras().len() {
@@ -134,7 +134,7 @@ impl PointPages {
     }
 
     /// Brings maps that were drawn on the host.
-    pub fn upload(&mut self, context: &GpuContext, maps: &PointMaps) {
+    pub fn upload(&mut self, context: &GpuContext, maps: &PointMapSet) {
         self.lay(context, maps.cameras(), self.spread);
         let (row, side) = ((self.tiles * self.texels) as usize, self.texels as usize);
         let mut texels = vec![1.0f32; row * row];

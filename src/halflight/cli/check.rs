@@ -59,7 +59,7 @@ impl Kind {
 }
 
 /// What was found in a sound file.
-struct Found {
+struct FoundInFile {
     /// For people: `3 objects`.
     lines: Vec<String>,
     /// For machines.
@@ -125,7 +125,7 @@ fn kind_of(path: &Path) -> Result<Kind, CliError> {
     Ok(if is_plain { Kind::Settings } else { Kind::Scene })
 }
 
-fn settings(path: &Path) -> Result<Found, CliError> {
+fn settings(path: &Path) -> Result<FoundInFile, CliError> {
     let name = shown(path);
     let in_file = |text| CliError::in_file(&name, text);
     let read = file::read(path).map_err(in_file)?;
@@ -135,13 +135,13 @@ fn settings(path: &Path) -> Result<Found, CliError> {
         let front = crate::config::presets::front(&settings.front);
         front.map_err(|e| in_file(format!("{name}: quality.front = \"{}\": {e}", settings.front)))?;
     }
-    Ok(Found {
+    Ok(FoundInFile {
         lines: vec![format!("{typed} of {} keys set", keys::KEYS.len())],
         json: json!({ "keys": typed }),
     })
 }
 
-fn scene_file(path: &Path) -> Result<Found, CliError> {
+fn scene_file(path: &Path) -> Result<FoundInFile, CliError> {
     let scene = scene::load(path)?;
     check_named(&scene)?;
     let counts = [
@@ -164,7 +164,7 @@ fn scene_file(path: &Path) -> Result<Found, CliError> {
     for (name, is) in parts {
         json[name] = is.into();
     }
-    Ok(Found { lines, json })
+    Ok(FoundInFile { lines, json })
 }
 
 /// Files that a scene names and that are read only when it is drawn.
@@ -194,14 +194,14 @@ fn check_named(scene: &SceneFile) -> Result<(), CliError> {
     Ok(())
 }
 
-fn room(path: &Path) -> Result<Found, CliError> {
+fn room(path: &Path) -> Result<FoundInFile, CliError> {
     let loaded = (READERS.room)(path)?;
     for note in &loaded.notes {
         eprintln!("warning: {}: {note}", path.display());
     }
     let surfaces = loaded.room.surfaces.len();
     let faces: usize = loaded.room.surfaces.iter().map(|s| s.faces.len()).sum();
-    Ok(Found {
+    Ok(FoundInFile {
         lines: vec![format!("{surfaces} surfaces of {faces} faces")],
         json: json!({ "surfaces": surfaces, "faces": faces, "notes": loaded.notes }),
     })

@@ -4,7 +4,7 @@ use super::output::{camera_of, need_frame, shown};
 use super::progress::{Bar, host};
 use super::{CliError, GlobalOptions, run_folder};
 use crate::assets::pictures;
-use crate::lab::{figures::figures, still::moment::Moment};
+use crate::lab::{figures::figures, still::moment::RecordedMoment};
 use crate::model::path_text;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -71,11 +71,15 @@ pub fn run(arguments: FiguresArguments, global: &GlobalOptions) -> Result<(), Cl
 }
 
 /// The moment that the arguments name, with one of their scenes.
-fn moment_of(arguments: &FiguresArguments, scene: &Path, global: &GlobalOptions) -> Result<Moment, CliError> {
+fn moment_of(
+    arguments: &FiguresArguments,
+    scene: &Path,
+    global: &GlobalOptions,
+) -> Result<RecordedMoment, CliError> {
     let mut settings = global.settings(None)?;
     settings.camera = camera_of(&arguments.recording);
     settings.scene_file = path_text::to_text(scene);
-    let mut moment = Moment::of(&settings, arguments.frame, &host())?;
+    let mut moment = RecordedMoment::of(&settings, arguments.frame, &host())?;
     // The scene as it begins, whatever frame has the settled light.
     moment.composition.time_s = 0.0;
     if moment.composition.room.is_some() {

@@ -8,7 +8,7 @@ use crate::{
         attribute::{ExposureCheck, ExposureVerdict, Tolerance, check_exposures},
         black_level::{black_level, clip_black},
         merge_bracket::MAX_PICTURES,
-        response::{Origin, SolveOptions, solve},
+        response::{ResponseOrigin, SolveOptions, solve},
     },
     lab::{digest::PixelDigest, open_exr::save_exr_f32, still::bracket::LoadedBracket},
     model::{
@@ -275,14 +275,14 @@ fn choose_response(arguments: &HdrArguments, bracket: &LoadedBracket) -> Result<
             let options = SolveOptions { lambda: arguments.lambda, ..SolveOptions::default() };
             let recovered = solve(&bracket.refs(), &bracket.exposures, &options);
             Ok(match recovered.origin {
-                Origin::Solved { residual_rms } => ChosenResponse {
+                ResponseOrigin::Solved { residual_rms } => ChosenResponse {
                     response: recovered.response,
                     kind: "solved",
                     why: format!("solved from the pictures, rms {residual_rms:.3} in ln exposure"),
                     warnings: Vec::new(),
                     tolerance: Tolerance::KNOWN_RESPONSE,
                 },
-                Origin::Fallback { why } => ChosenResponse {
+                ResponseOrigin::Fallback { why } => ChosenResponse {
                     response: recovered.response,
                     kind: "srgb",
                     why: format!("the pictures cannot tell: {why}"),

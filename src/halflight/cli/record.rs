@@ -12,7 +12,7 @@ use crate::device::clock::MonotonicClock;
 use crate::device::open::CameraOptions;
 use crate::device::primed::PrimedSource;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
-use crate::device::recording::{Origin, PictureCoding, RecordingWriter, Setup};
+use crate::device::recording::{PictureCoding, RecordingOrigin, RecordingWriter, Setup};
 use crate::device::{Clock, ErrorKind, FrameSource, ImuSource, Signal, Truth, open};
 use crate::lab::digest::PixelDigest;
 use crate::model::{
@@ -110,8 +110,8 @@ pub fn tape(out: &Path, coding: PictureCoding, setup: Setup) -> Result<WholeTape
 }
 
 /// Who records what, for the file's own notes.
-pub fn origin(verb: &str, device: &str, settings: String, frames: &impl FrameSource) -> Origin {
-    Origin {
+pub fn origin(verb: &str, device: &str, settings: String, frames: &impl FrameSource) -> RecordingOrigin {
+    RecordingOrigin {
         program: format!("halflight {verb}"),
         version: version::SHORT.to_owned(),
         device: device.to_owned(),

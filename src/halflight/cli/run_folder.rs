@@ -19,7 +19,7 @@ const LARGEST_STAMP: u64 = 1 << 16;
 
 /// What a run leaves.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Stamp {
+struct RunStamp {
     format: u32,
     verb: String,
     /// Names below the folder, with `/` between; a `*` stands for any characters but `/`.
@@ -38,7 +38,7 @@ pub fn begin(folder: &Path, verb: &str, files: &[&str]) -> Result<(), CliError> 
             .map_err(|e| CliError::on(file.display(), format!("cannot be removed: {e}")))?;
     }
     let files = files.iter().map(|&name| name.to_owned()).collect();
-    let stamp = Stamp { format: FORMAT, verb: verb.to_owned(), files };
+    let stamp = RunStamp { format: FORMAT, verb: verb.to_owned(), files };
     whole::write(&folder.join(STAMP), serde_json::to_string_pretty(&stamp)? + "\n")?;
     Ok(())
 }
@@ -68,9 +68,9 @@ pub fn check(folder: &Path, files: &[&str]) -> Result<Vec<PathBuf>, CliError> {
     Ok(old)
 }
 
-fn read_stamp(folder: &Path) -> Option<Stamp> {
+fn read_stamp(folder: &Path) -> Option<RunStamp> {
     let text = crate::config::file::regular_text(&folder.join(STAMP), LARGEST_STAMP).ok()?;
-    serde_json::from_str(&text).ok().filter(|stamp: &Stamp| stamp.format == FORMAT)
+    serde_json::from_str(&text).ok().filter(|stamp: &RunStamp| stamp.format == FORMAT)
 }
 
 /// The files in `folder` of the run that left `patterns` in `top`.
@@ -147,9 +147,9 @@ pub fn need_folder_of(file: &Path) -> Result<(), CliError> {
 mod tests {
     use super::*;
 
-    struct Folder(PathBuf);
+    struct FolderOfRuns(PathBuf);
 
-    impl Folder {
+    impl FolderOfRuns {
         fn new(name: &str) -> Self {
             let path = std::env::temp_dir().join(format!("halflight-run-{name}-{}", std::process::id()));
             let _ = std::fs::remove_dir_all(&path);
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    impl Drop for Folder {
+    impl Drop for FolderOfRuns {
         fn drop(&mut self) {
             let _ = std::fs::remove_dir_all(&self.0);
         }
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_run_replaces_the_one_before_and_leaves_those_beside_it() {
-        let out = Folder::new("replaced");
+        let out = FolderOfRuns::new("replaced");
         begin(&out.0, "replay", &["frames/frame_*.png", "report.json"]).unwrap();
         for name in
             ["frames/frame_000001.png", "frames/frame_000002.png", "report.json", ".report.json.7-0.part"]
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn what_is_somebodys_own_is_refused_and_stays() {
-        let out = Folder::new("own");
+        let out = FolderOfRuns::new("own");
         begin(&out.0, "replay", &["report.json"]).unwrap();
         let names = ["frames/frame_*.png", "report.json"];
         for name in ["notes.txt", "frames/notes.txt", "frames/frame_1.png"] {

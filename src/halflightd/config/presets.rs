@@ -2,7 +2,7 @@
 
 use super::{file::regular_text, keys::KEYS, settings::Settings};
 use crate::model::{path_text, quality::Quality};
-use crate::plan::front::{Front, Step};
+use crate::plan::front::{Front, FrontStep};
 use serde::{Deserialize, Serialize};
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -92,7 +92,7 @@ impl FrontFile {
     /// than a frame.
     pub fn over(&self, base: &Quality) -> Front {
         let mut settings = Settings { quality: *base, ..Settings::default() };
-        let steps: Vec<Step> = self
+        let steps: Vec<FrontStep> = self
             .points
             .iter()
             .map(|point| {
@@ -104,7 +104,7 @@ impl FrontFile {
                     self_shadow: base.self_shadow,
                     ..settings.quality
                 };
-                Step { quality, error: point.error as f32, ms: point.ms as f32 }
+                FrontStep { quality, error: point.error as f32, ms: point.ms as f32 }
             })
             .collect();
         Front::of(&steps)

@@ -92,9 +92,9 @@ impl Watcher {
 mod tests {
     use super::*;
 
-    struct Folder(PathBuf);
+    struct FolderOfSettings(PathBuf);
 
-    impl Folder {
+    impl FolderOfSettings {
         fn new(name: &str) -> Self {
             let path = std::env::temp_dir().join(format!("halflight-watch-{name}-{}", std::process::id()));
             std::fs::create_dir_all(&path).unwrap();
@@ -108,7 +108,7 @@ mod tests {
         }
     }
 
-    impl Drop for Folder {
+    impl Drop for FolderOfSettings {
         fn drop(&mut self) {
             let _ = std::fs::remove_dir_all(&self.0);
         }
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn content_is_told_once_and_only_at_rest() {
-        let folder = Folder::new("rest");
+        let folder = FolderOfSettings::new("rest");
         let path = folder.write("a.toml", "x = 1");
         let mut watcher = Watcher::new(&path, "x = 1");
         assert_eq!(looks(&mut watcher, [0.0, 1.0]), [None, None], "nothing new");
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn missing_and_empty_files_are_being_written() {
-        let folder = Folder::new("missing");
+        let folder = FolderOfSettings::new("missing");
         let path = folder.write("a.toml", "x = 1");
         let mut watcher = Watcher::new(&path, "");
         std::fs::remove_file(&path).unwrap();
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_swapped_link_is_noticed_though_no_file_was_written() {
-        let folder = Folder::new("link");
+        let folder = FolderOfSettings::new("link");
         let (one, two) = (folder.write("one.toml", "x = 1"), folder.write("two.toml", "x = 2"));
         let long_ago = SystemTime::UNIX_EPOCH;
         for path in [&one, &two] {

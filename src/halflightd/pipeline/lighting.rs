@@ -6,7 +6,7 @@ use crate::engine::{Bracket, Engine, EngineError, LightJob};
 use crate::hdr::sliding::{SlidingError, SlidingMerge};
 use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
-use crate::light::prefilter::Wanted;
+use crate::light::prefilter::WantedEnvironment;
 use crate::light::split::{GRAY_PAPER, GRAY_REC709, SplitOptions};
 use crate::light::unwrap_ball::BallShot;
 use crate::model::{
@@ -95,7 +95,7 @@ impl Lighting {
     }
 
     /// What of the picture of the environment the scene's materials need.
-    pub fn want(&mut self, wanted: Wanted) {
+    pub fn want(&mut self, wanted: WantedEnvironment) {
         self.follow.want(wanted);
     }
 

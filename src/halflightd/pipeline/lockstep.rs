@@ -34,7 +34,7 @@ pub struct Lockstep {
 
 /// What filling the inbox came to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Filled {
+enum Filling {
     /// There is something to take.
     Something,
     /// The deadline came first.
@@ -78,9 +78,9 @@ impl Lockstep {
     }
 
     /// Puts the next item of all sources into the inbox.
-    fn fill(&mut self, deadline: Timestamp) -> Filled {
+    fn fill(&mut self, deadline: Timestamp) -> Filling {
         if self.is_over {
-            return Filled::Something;
+            return Filling::Something;
         }
         if self.ahead.is_none() {
             let read = match self.failed_ahead.take() {
@@ -89,7 +89,7 @@ impl Lockstep {
             };
             match read {
                 Ok(Some(frame)) => self.ahead = Some(frame),
-                Ok(None) => return Filled::Something,
+                Ok(None) => return Filling::Something,
                 Err(error) => return self.handle(error, deadline),
             }
         }
@@ -98,14 +98,14 @@ impl Lockstep {
             match imu.next(until) {
                 Ok(sample) => {
                     self.inbox.put_imu(sample);
-                    return Filled::Something;
+                    return Filling::Something;
                 }
                 Err(error) if error.kind == ErrorKind::Again => {}
                 Err(error) => {
                     self.imu = None;
                     if error.kind != ErrorKind::Ended {
                         self.inbox.put_lost(DeviceRole::Imu, error);
-                        return Filled::Something;
+                        return Filling::Something;
                     }
                 }
             }
@@ -114,7 +114,7 @@ impl Lockstep {
             self.clock.wait_until(frame.t_mid);
             self.inbox.put_frame(frame, truth);
         }
-        Filled::Something
+        Filling::Something
     }
 
     /// The next frame of the camera, opened anew where it was lost; `None`: it is there again, which is told first.
@@ -149,11 +149,11 @@ impl Lockstep {
         Ok(None)
     }
 
-    fn handle(&mut self, error: DeviceError, deadline: Timestamp) -> Filled {
+    fn handle(&mut self, error: DeviceError, deadline: Timestamp) -> Filling {
         match error.kind {
             ErrorKind::Again | ErrorKind::Working => {
                 self.clock.wait_until(deadline);
-                return Filled::Nothing;
+                return Filling::Nothing;
             }
             ErrorKind::Reopen if self.reopen.is_some() => {
                 let was_lost = self.reopen_at.is_some();
@@ -166,7 +166,7 @@ impl Lockstep {
             ErrorKind::Ended => self.end(Ok(())),
             ErrorKind::Reopen | ErrorKind::Refused => self.end(Err(error)),
         }
-        Filled::Something
+        Filling::Something
     }
 
     fn end(&mut self, how: Result<(), DeviceError>) {
@@ -187,7 +187,7 @@ impl EventSource for Lockstep {
             if waits {
                 self.clock.wait_until(awaited.deadline);
             }
-            if waits || self.fill(awaited.deadline) == Filled::Nothing {
+            if waits || self.fill(awaited.deadline) == Filling::Nothing {
                 return Event::Due;
             }
         }

@@ -25,7 +25,7 @@ pub mod turns;
 
 use crate::device::{Clock, DeviceError};
 use crate::engine::{Engine, EngineError};
-use crate::light::prefilter::Wanted;
+use crate::light::prefilter::WantedEnvironment;
 use crate::math::lens::Lens;
 use crate::model::{
     estimate::{LightEstimate, PoseEstimate},
@@ -161,7 +161,7 @@ impl Pipeline {
         tracker.set_response(&response);
         let scene = scene.into();
         let mut lighting = Lighting::new(&rig, &options);
-        lighting.want(Wanted::by(&scene, options.quality.sh_order));
+        lighting.want(WantedEnvironment::by(&scene, options.quality.sh_order));
         let presenting = Presenting::new(scene, &options);
         Ok(Self {
             engine: EngineInUse::new(engine),
@@ -238,7 +238,7 @@ impl Pipeline {
             self.presenting.change_scene(scene);
             self.engine.has_another_scene();
         }
-        self.lighting.want(Wanted::by(self.presenting.scene(), options.quality.sh_order));
+        self.lighting.want(WantedEnvironment::by(self.presenting.scene(), options.quality.sh_order));
         match governor {
             GovernorChange::Keep => {}
             GovernorChange::Replace(governor) => self.governor = Some(*governor),

@@ -3,7 +3,7 @@
 use super::Options;
 use crate::animate::posed::Posed;
 use crate::engine::{Engine, EngineError, RelightInput};
-use crate::light::prefilter::Wanted;
+use crate::light::prefilter::WantedEnvironment;
 use crate::math::{lens::Lens, pose::Pose};
 use crate::model::{
     environment::EnvironmentPicture,
@@ -138,7 +138,7 @@ impl Presenting {
         let in_room = self.room.as_ref().map(|room| room.lights_at(middle));
         let no_light = || EngineError::Input("light not measured yet".into());
         let light = in_room.as_ref().or(parts.light).ok_or_else(no_light)?;
-        let wanted = Wanted::by(&self.scene, light.global.order);
+        let wanted = WantedEnvironment::by(&self.scene, light.global.order);
         let environment = match &mut self.room {
             Some(room) => room.picture_at(middle, wanted),
             None => parts.environment,

@@ -33,12 +33,12 @@ struct Slot {
 }
 
 #[derive(Default)]
-struct Shared {
+struct SharedSlot {
     slot: Mutex<Slot>,
     has_picture: Signal,
 }
 
-impl Shared {
+impl SharedSlot {
     fn slot(&self) -> MutexGuard<'_, Slot> {
         // Every change under the lock is whole by itself.
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
@@ -47,7 +47,7 @@ impl Shared {
 
 /// Where finished pictures go. Clones are the same screen.
 #[derive(Clone, Default)]
-pub struct Screen(Arc<Shared>);
+pub struct Screen(Arc<SharedSlot>);
 
 impl Screen {
     /// Starts the display's thread. `open` opens the display, and opens it anew when it was lost; the picture goes on without

@@ -2,7 +2,7 @@
 
 use super::letters::{LETTER, is_ink, rows_of};
 use crate::model::image::Rgb8Image;
-use crate::plan::{FramePlan, Verdict};
+use crate::plan::{EffectVerdict, FramePlan};
 use std::fmt::{Arguments, Write};
 
 /// Columns and rows of a letter's cell.
@@ -59,9 +59,9 @@ impl Hud {
             };
             let _ = write!(self.text, " {}", d.reason);
             let colour = match d.verdict {
-                Verdict::On => WHITE,
-                Verdict::Kept => GREEN,
-                Verdict::Off => GRAY,
+                EffectVerdict::On => WHITE,
+                EffectVerdict::Kept => GREEN,
+                EffectVerdict::Off => GRAY,
             };
             self.lines.push((self.text.len(), colour));
         }
@@ -153,7 +153,7 @@ mod tests {
     fn no_picture_is_too_small() {
         let decision = |effect| Decision {
             effect,
-            verdict: Verdict::Kept,
+            verdict: EffectVerdict::Kept,
             reason: "why not",
             saving: 1.0,
             error_bound: f32::INFINITY,

@@ -2,7 +2,7 @@
 //! gloss, taken anew where the objects are now (Section 7.3 of [Gib03]).
 
 use crate::{
-    light::prefilter::{Prefilter, Wanted},
+    light::prefilter::{Prefilter, WantedEnvironment},
     math::octahedral,
     model::{
         environment::EnvironmentPicture,
@@ -56,7 +56,11 @@ impl LightInRoom {
 
     /// The picture of the room from a place, where it is wanted. Texels of 4 degrees: sharp reflections are blurred. Suns
     /// are not in it; they are hard lights.
-    pub fn picture_at(&mut self, point_world: Vec3, wanted: Wanted) -> Option<&EnvironmentPicture> {
+    pub fn picture_at(
+        &mut self,
+        point_world: Vec3,
+        wanted: WantedEnvironment,
+    ) -> Option<&EnvironmentPicture> {
         if !wanted.picture {
             return None;
         }
@@ -121,8 +125,8 @@ mod tests {
         let how = RoomSettings { patch_m: Some(0.5), ..RoomSettings::default() };
         let known = prepare(cube(), &how, Source::Given, None, &|_| ()).unwrap();
         let mut light = LightInRoom::new(Arc::new(known));
-        let wanted = Wanted { picture: true, glossy: true };
-        assert!(light.picture_at(Vec3::ZERO, Wanted { picture: false, glossy: false }).is_none());
+        let wanted = WantedEnvironment { picture: true, glossy: true };
+        assert!(light.picture_at(Vec3::ZERO, WantedEnvironment { picture: false, glossy: false }).is_none());
         let picture = light.picture_at(Vec3::ZERO, wanted).unwrap();
         let first = picture.revision;
         let close = |d: Vec3, of: &EnvironmentPicture, value: f32| {

@@ -18,10 +18,10 @@ use crate::model::{
     scene::{Material, Mesh, Scene, VirtualObject},
 };
 use crate::plan::{
-    Foresight, FramePlan, Pass, Verdict,
+    EffectVerdict, Foresight, FramePlan, Pass,
     effects::{self, Occasion},
 };
-use crate::visibility::shadow_maps::{Receivers, ShadowMaps};
+use crate::visibility::shadow_maps::{Receivers, ShadowMapSet};
 use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 
 /// White of the views that show shares of light.
@@ -69,7 +69,7 @@ pub struct Views {
     objects: ObjectGeometry,
     surfaces: SurfaceGeometry,
     receivers: Receivers,
-    shadows: ShadowMaps,
+    shadows: ShadowMapSet,
     even_response: Response,
     /// What the engine knows of the next frame, where results of earlier ones are to be kept.
     foresight: Option<Foresight>,
@@ -85,7 +85,7 @@ impl Default for Views {
             objects: ObjectGeometry::default(),
             surfaces: SurfaceGeometry::default(),
             receivers: Receivers::default(),
-            shadows: ShadowMaps::default(),
+            shadows: ShadowMapSet::default(),
             even_response: Response::srgb(),
             foresight: None,
         }
@@ -304,7 +304,7 @@ fn leave_out(view: PictureView, plan: &mut FramePlan) {
             if !is_shown {
                 left_out.push(crate::plan::PlannedPass { reason: WHY, ..*planned });
                 let of_it = decisions.iter_mut().filter(|d| d.effect.pass() == Some(planned.pass));
-                of_it.for_each(|d| (d.verdict, d.reason, d.error_bound) = (Verdict::Off, WHY, 0.0));
+                of_it.for_each(|d| (d.verdict, d.reason, d.error_bound) = (EffectVerdict::Off, WHY, 0.0));
             }
             is_shown
         });

@@ -5,7 +5,7 @@ use crate::assets::{error::AssetError, pictures::load_gray8};
 use crate::math::color;
 use crate::model::image::{Image, RadianceImage};
 use crate::open_exr::load_raw;
-use crate::still::{Drawn, Quantity, Still};
+use crate::still::{Drawn, PictureQuantity, Still};
 use std::fmt;
 
 /// A pixel counts as shadowed where the true gray ratio is below this (spec 4b measures there, too).
@@ -151,9 +151,9 @@ fn shadow_error(still: &Still, drawn: &Drawn, truth: &RadianceImage, open: &[usi
         let as_ratio = |pixel: [f32; 3]| {
             let pixel = pixel.map(f64::from);
             match still.quantity {
-                Quantity::Radiance => color::gray(pixel) / color::gray(without),
-                Quantity::Ratio => color::gray(pixel),
-                Quantity::Difference => 1.0 - color::gray(pixel) / color::gray(without),
+                PictureQuantity::Radiance => color::gray(pixel) / color::gray(without),
+                PictureQuantity::Ratio => color::gray(pixel),
+                PictureQuantity::Difference => 1.0 - color::gray(pixel) / color::gray(without),
             }
         };
         let (a, b) = (as_ratio(drawn.radiance.pixels()[i]), as_ratio(truth.pixels()[i]));

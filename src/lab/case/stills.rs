@@ -23,7 +23,7 @@ use crate::nearfield::{
     prepare::{KnownRoom, RoomLight, RoomSettings, prepare as prepare_room},
 };
 use crate::still::{
-    Composition, Quantity, Still, faces_up,
+    Composition, PictureQuantity, Still, faces_up,
     far_light::{FarLight, KnownLight},
 };
 use glam::{DMat3, DVec3};
@@ -76,9 +76,9 @@ impl CaseStills {
             None => FarLight { above_horizon: faces_up(&scene), ..far_light(case, &scene, shining)? },
         };
         let quantity = match image {
-            "ratio" => Quantity::Ratio,
-            _ if image.starts_with("diff_") => Quantity::Difference,
-            _ => Quantity::Radiance,
+            "ratio" => PictureQuantity::Ratio,
+            _ if image.starts_with("diff_") => PictureQuantity::Difference,
+            _ => PictureQuantity::Radiance,
         };
         let composition = Composition {
             scene,

@@ -16,7 +16,7 @@ use crate::{
     },
     open_exr::load_raw,
     page::svg::{Anchor, Svg},
-    sources::expand::{Priority, Wanted},
+    sources::expand::{Priority, WantedNodes},
     visibility::point_maps::SeenPart,
 };
 use glam::{DVec2, Vec3};
@@ -181,7 +181,7 @@ impl ProfiledObject {
         marks.mark(field, &objects, Some(&view));
         let lights = COUNTS.map(|count| {
             let (mut chosen, mut rows) = (Representatives::default(), Vec::new());
-            chosen.choose(field, &marks, &objects, None, Wanted::exactly(count), Priority::ErrorRemoved);
+            chosen.choose(field, &marks, &objects, None, WantedNodes::exactly(count), Priority::ErrorRemoved);
             chosen.light_rows(field, &marks, &mut rows);
             let mut parts = Vec::new();
             chosen.light_parts(field, &marks, &mut parts);

@@ -27,7 +27,7 @@ const MOST_MIRRORS: u32 = 16;
 
 /// Which of the two pictures light belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum PictureSide {
     Both,
     With,
     Without,
@@ -35,17 +35,17 @@ enum Side {
 
 /// Radiance in the two pictures.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pair {
+pub struct RadiancePair {
     /// With the virtual bodies.
     pub with: Vec3,
     /// Without them.
     pub without: Vec3,
 }
 
-impl Pair {
-    fn of(side: Side, light: Vec3) -> Self {
+impl RadiancePair {
+    fn of(side: PictureSide, light: Vec3) -> Self {
         let keep = |wanted: bool| if wanted { light } else { Vec3::ZERO };
-        Self { with: keep(side != Side::Without), without: keep(side != Side::With) }
+        Self { with: keep(side != PictureSide::Without), without: keep(side != PictureSide::With) }
     }
 
     fn add(&mut self, factor: Vec3, other: Self) {
@@ -57,8 +57,8 @@ impl Pair {
 /// What one camera ray gave.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RaySample {
-    /// Radiance.
-    pub light: Pair,
+    /// In both pictures.
+    pub light: RadiancePair,
     /// Whether the ray met a virtual body first.
     pub covered: bool,
 }
@@ -163,43 +163,50 @@ impl PreparedTrace {
         let real = self.real.nearest(&ray, f32::INFINITY);
         let object = self.objects.nearest(&ray, real.map_or(f32::INFINITY, |met| met.t()));
         let course = Course { numbers, place: 1, bounces: self.bounces, mirrors: 0, from_camera: true };
-        let light = self.seen(Side::Both, &ray, real, object, course);
+        let light = self.seen(PictureSide::Both, &ray, real, object, course);
         RaySample { light, covered: object.is_some() }
     }
 
     /// Light that comes back along a ray which meets these bodies first.
     fn seen(
         &self,
-        side: Side,
+        side: PictureSide,
         ray: &PreparedRay,
         real: Option<MetBody>,
         object: Option<MetBody>,
         course: Course<'_>,
-    ) -> Pair {
-        let behind = |side: Side| match real {
+    ) -> RadiancePair {
+        let behind = |side: PictureSide| match real {
             Some(met) => self.leaving(side, ray, &self.real.meeting(ray, &met), course),
-            None => Pair::of(side, self.sky.look(ray.direction).radiance),
+            None => RadiancePair::of(side, self.sky.look(ray.direction).radiance),
         };
         match object {
             None => behind(side),
             Some(met) => {
-                let before = self.leaving(Side::With, ray, &self.objects.meeting(ray, &met), course);
-                let without = if side == Side::Both { behind(Side::Without).without } else { Vec3::ZERO };
-                Pair { with: before.with, without }
+                let before = self.leaving(PictureSide::With, ray, &self.objects.meeting(ray, &met), course);
+                let without =
+                    if side == PictureSide::Both { behind(PictureSide::Without).without } else { Vec3::ZERO };
+                RadiancePair { with: before.with, without }
             }
         }
     }
 
     /// Light that leaves a point against the ray that met it.
-    fn leaving(&self, side: Side, ray: &PreparedRay, at: &SurfaceMeeting, course: Course<'_>) -> Pair {
-        let mut sum = Pair::default();
+    fn leaving(
+        &self,
+        side: PictureSide,
+        ray: &PreparedRay,
+        at: &SurfaceMeeting,
+        course: Course<'_>,
+    ) -> RadiancePair {
+        let mut sum = RadiancePair::default();
         match at.emission {
             Emission::None => {}
-            Emission::Own(rgb) => sum = Pair::of(side, Vec3::from(rgb)),
+            Emission::Own(rgb) => sum = RadiancePair::of(side, Vec3::from(rgb)),
             // The camera sees it shaded; what was measured holds all bounces already.
-            Emission::Measured(rgb) if !course.from_camera => return Pair::of(side, Vec3::from(rgb)),
+            Emission::Measured(rgb) if !course.from_camera => return RadiancePair::of(side, Vec3::from(rgb)),
             Emission::Surroundings if !course.from_camera => {
-                return Pair::of(side, self.sky.look(ray.direction).radiance);
+                return RadiancePair::of(side, self.sky.look(ray.direction).radiance);
             }
             Emission::Measured(_) | Emission::Surroundings => {}
         }
@@ -293,22 +300,22 @@ impl PreparedTrace {
     }
 
     /// What is seen along a ray, however light came there.
-    fn along(&self, side: Side, ray: &PreparedRay, course: Course<'_>) -> Pair {
+    fn along(&self, side: PictureSide, ray: &PreparedRay, course: Course<'_>) -> RadiancePair {
         let real = self.real.nearest(ray, f32::INFINITY);
         let object = match side {
-            Side::Without => None,
+            PictureSide::Without => None,
             _ => self.objects.nearest(ray, real.map_or(f32::INFINITY, |met| met.t())),
         };
         self.seen(side, ray, real, object, course)
     }
 
     /// What is sent along a ray by what shines of itself; everything else is black.
-    fn sent(&self, side: Side, ray: &PreparedRay, sky: Vec3) -> Pair {
+    fn sent(&self, side: PictureSide, ray: &PreparedRay, sky: Vec3) -> RadiancePair {
         if self.only_sky {
             if sky == Vec3::ZERO {
-                return Pair::default();
+                return RadiancePair::default();
             }
-            let mut sent = Pair::default();
+            let mut sent = RadiancePair::default();
             sent.add(sky, self.unhidden(side, ray));
             return sent;
         }
@@ -325,10 +332,10 @@ impl PreparedTrace {
             }
         };
         if light == Vec3::ZERO {
-            return Pair::default();
+            return RadiancePair::default();
         }
-        let is_hidden = side != Side::Without && self.objects.occluded(ray, t);
-        let mut sent = Pair::of(side, light);
+        let is_hidden = side != PictureSide::Without && self.objects.occluded(ray, t);
+        let mut sent = RadiancePair::of(side, light);
         if is_hidden {
             sent.with = Vec3::ZERO;
         }
@@ -337,27 +344,27 @@ impl PreparedTrace {
 
     /// Ones where nothing lies on a ray.
     #[inline]
-    fn unhidden(&self, side: Side, ray: &PreparedRay) -> Pair {
+    fn unhidden(&self, side: PictureSide, ray: &PreparedRay) -> RadiancePair {
         if self.real.occluded(ray, f32::INFINITY) {
-            return Pair::default();
+            return RadiancePair::default();
         }
         self.unhidden_by_objects(side, ray, f32::INFINITY)
     }
 
     /// Ones where no virtual body lies on a ray up to t_max.
     #[inline]
-    fn unhidden_by_objects(&self, side: Side, ray: &PreparedRay, t_max: f32) -> Pair {
-        let is_hidden = side != Side::Without && self.objects.occluded(ray, t_max);
+    fn unhidden_by_objects(&self, side: PictureSide, ray: &PreparedRay, t_max: f32) -> RadiancePair {
+        let is_hidden = side != PictureSide::Without && self.objects.occluded(ray, t_max);
         match (is_hidden, side) {
-            (false, side) => Pair::of(side, Vec3::ONE),
-            (true, Side::Both) => Pair::of(Side::Without, Vec3::ONE),
-            (true, _) => Pair::default(),
+            (false, side) => RadiancePair::of(side, Vec3::ONE),
+            (true, PictureSide::Both) => RadiancePair::of(PictureSide::Without, Vec3::ONE),
+            (true, _) => RadiancePair::default(),
         }
     }
 
     /// Ones where a sun is not hidden along a ray.
     #[inline]
-    fn sunlit(&self, side: Side, ray: &PreparedRay) -> Pair {
+    fn sunlit(&self, side: PictureSide, ray: &PreparedRay) -> RadiancePair {
         if !self.has_apertures {
             return self.unhidden(side, ray);
         }
@@ -366,7 +373,7 @@ impl PreparedTrace {
             Some(met) if self.real.meeting(ray, &met).is_aperture => {
                 self.unhidden_by_objects(side, ray, met.t())
             }
-            Some(_) => Pair::default(),
+            Some(_) => RadiancePair::default(),
         }
     }
 }

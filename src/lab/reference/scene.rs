@@ -3,7 +3,7 @@
 use crate::math::{lens::Lens, pose::Pose, sh::zonal::PhongNorm};
 use crate::model::{
     image::RadianceImage,
-    room::{Patch, RoomPatches, RoomSurface},
+    room::{RoomPatch, RoomPatches, RoomSurface},
     scene::{Material, Mesh, RealSurface, VirtualObject},
 };
 use glam::{Mat3, Vec3};
@@ -119,7 +119,7 @@ impl TraceBody {
     }
 
     /// A patch of a room whose light was measured.
-    pub fn of_patch(patches: &RoomPatches, patch: &Patch) -> Self {
+    pub fn of_patch(patches: &RoomPatches, patch: &RoomPatch) -> Self {
         let (corners, count) = patches.outline_world(patch);
         let mut triangles = vec![[0, 1, 2]];
         if count == 4 {

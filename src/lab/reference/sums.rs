@@ -1,6 +1,6 @@
 //! What is kept of the samples, and what it says about pictures and their noise.
 
-use super::path::Pair;
+use super::path::RadiancePair;
 use crate::math::color::gray;
 use crate::model::image::{Image, RadianceImage};
 use glam::Vec3;
@@ -30,7 +30,7 @@ pub struct PixelSums {
 /// Sums over the samples of one pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PassSums {
-    light: Pair,
+    light: RadiancePair,
     objects: Vec3,
     covered: u32,
     /// Samples that were not finite, left out.
@@ -41,7 +41,7 @@ impl PassSums {
     /// Counts what one path saw.
     #[inline]
     pub fn add(&mut self, seen: &super::path::RaySample) {
-        let Pair { with, without } = seen.light;
+        let RadiancePair { with, without } = seen.light;
         if !(with.is_finite() && without.is_finite()) {
             self.dropped += 1;
             return;

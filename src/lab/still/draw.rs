@@ -1,6 +1,6 @@
 //! Drawing a still by the engine and the views of the product.
 
-use super::{Quantity, Still};
+use super::{PictureQuantity, Still};
 use crate::digest::PixelDigest;
 use crate::engine::{Engine, EngineError, RelightInput};
 use crate::model::{
@@ -92,9 +92,9 @@ impl Still {
         for (out, without) in picture.pixels_mut().iter_mut().zip(self.background.radiance.pixels()) {
             for (o, &w) in out.iter_mut().zip(without) {
                 match self.quantity {
-                    Quantity::Radiance => {}
-                    Quantity::Ratio => *o = if w > 0.0 { *o / w } else { 1.0 },
-                    Quantity::Difference => *o = w - *o,
+                    PictureQuantity::Radiance => {}
+                    PictureQuantity::Ratio => *o = if w > 0.0 { *o / w } else { 1.0 },
+                    PictureQuantity::Difference => *o = w - *o,
                 }
             }
         }

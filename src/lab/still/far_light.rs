@@ -4,7 +4,7 @@
 use crate::light::{
     below::{BelowHorizon, uniform},
     halve::{HalveOptions, halve_still, halve_still_with_rest},
-    prefilter::{Prefilter, Wanted},
+    prefilter::{Prefilter, WantedEnvironment},
     project_sh::project_sh,
     split::SplitOptions,
 };
@@ -81,7 +81,7 @@ impl FarLight {
         for light in &self.direct {
             lights.hard.push(*light);
         }
-        let wanted = Wanted::by(scene, quality.sh_order);
+        let wanted = WantedEnvironment::by(scene, quality.sh_order);
         let is_picture = matches!(self.known, KnownLight::Picture { .. });
         let environment = (is_picture && wanted.picture).then(|| {
             let (mut work, mut picture) = self.picture(&samples, below_rgb);

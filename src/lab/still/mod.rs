@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 /// What of the picture is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum PictureQuantity {
     /// The picture.
     Radiance,
     /// The picture over the one without objects.
@@ -59,7 +59,7 @@ pub struct Still {
     /// Exposure of the 8-bit picture where the still itself has one.
     pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
-    pub quantity: Quantity,
+    pub quantity: PictureQuantity,
     /// The known room that the scene stands in.
     pub room: Option<Arc<KnownRoom>>,
     /// Which part of the work is shown.
@@ -90,7 +90,7 @@ pub struct Composition {
     /// Exposure of the 8-bit picture where the still itself has one.
     pub exposure_s: Option<f64>,
     /// What of the picture is wanted.
-    pub quantity: Quantity,
+    pub quantity: PictureQuantity,
     /// Time in the scene: where what moves is, seconds.
     pub time_s: f64,
 }

@@ -2,7 +2,7 @@
 //! drawn again with other settings.
 
 use super::far_light::{FarLight, KnownLight};
-use super::{Composition, Quantity};
+use super::{Composition, PictureQuantity};
 use crate::config::settings::{RunMode, Settings};
 use crate::daemon::{host::Host, prepare::prepare};
 use crate::device::clock::ManualClock;
@@ -18,7 +18,7 @@ use crate::pipeline::{
 use std::sync::Arc;
 
 /// One frame of a recording.
-pub struct Moment {
+pub struct RecordedMoment {
     /// What its picture is composed of.
     pub composition: Composition,
     /// Median wall time of each stage over the frames up to this one, milliseconds, in the order of `Stage::ALL`.
@@ -46,7 +46,7 @@ impl FrameSink for NewestFrame {
     }
 }
 
-impl Moment {
+impl RecordedMoment {
     /// The frame of that number, counted from 0, of `settings.camera`, in lockstep.
     ///
     /// # Errors
@@ -91,7 +91,7 @@ impl Moment {
             background: from.background.clone(),
             response: from.response.clone(),
             exposure_s: Some(from.shown_exposure.effective_s()),
-            quantity: Quantity::Radiance,
+            quantity: PictureQuantity::Radiance,
             time_s,
         };
         Ok(Self { composition, stage_ms: newest.medians() })

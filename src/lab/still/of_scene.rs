@@ -2,7 +2,7 @@
 
 use super::bracket::LoadedBracket;
 use super::far_light::{FarLight, KnownLight};
-use super::{Composition, Quantity, Still};
+use super::{Composition, PictureQuantity, Still};
 use crate::assets::{
     response,
     scene::{LightSource, Pictures, SceneCamera, SceneFile},
@@ -10,7 +10,7 @@ use crate::assets::{
 use crate::daemon::{host::Host, known_room};
 use crate::engine::{Engine, LightJob};
 use crate::error::LabError;
-use crate::hdr::response::{Origin, SolveOptions, solve};
+use crate::hdr::response::{ResponseOrigin, SolveOptions, solve};
 use crate::light::{maps::MapAxes, unwrap_ball::BallShot};
 use crate::math::color::gray;
 use crate::math::sh::{MAX_COEFFICIENTS, rotate::Rotation};
@@ -104,7 +104,7 @@ pub fn compose_scene(
         background: HdrImage::default(),
         response: photographs.response,
         exposure_s: photographs.place.as_ref().and_then(|b| b.exposures.first()).map(|e| e.effective_s()),
-        quantity: Quantity::Radiance,
+        quantity: PictureQuantity::Radiance,
         time_s: 0.0,
     };
     composition.background = match place {
@@ -178,11 +178,11 @@ fn choose_response(
         "solve" => {
             let solved = solve(&bracket.refs(), &bracket.exposures, &SolveOptions::default());
             notes.push(match solved.origin {
-                Origin::Solved { residual_rms } => format!(
+                ResponseOrigin::Solved { residual_rms } => format!(
                     "response solved from {} pictures, rms {residual_rms:.3} in ln exposure",
                     bracket.pictures.len()
                 ),
-                Origin::Fallback { why } => format!("response not solved ({why}); sRGB stands in"),
+                ResponseOrigin::Fallback { why } => format!("response not solved ({why}); sRGB stands in"),
             });
             Ok(solved.response)
         }

@@ -41,12 +41,12 @@ pub struct FrontPlot<'a> {
 }
 
 /// From milliseconds and errors to pixels.
-struct Field {
+struct PlotField {
     ms: Scale,
     error: Scale,
 }
 
-impl Field {
+impl PlotField {
     fn at(&self, m: &Measured) -> [f64; 2] {
         [self.ms.at(m.ms), self.error.at(m.errors.shadow)]
     }
@@ -56,7 +56,7 @@ impl FrontPlot<'_> {
     /// The picture.
     pub fn svg(&self) -> String {
         let [left, top, right, bottom] = FIELD;
-        let field = Field {
+        let field = PlotField {
             ms: Scale::logarithmic(self.span(|m| m.ms, None), [left, right]),
             error: Scale::logarithmic(self.span(|m| m.errors.shadow, self.noise), [bottom, top]),
         };
@@ -77,7 +77,7 @@ impl FrontPlot<'_> {
         if low <= high { [0.85 * low, 1.18 * high] } else { [0.1, 1.0] }
     }
 
-    fn grid(&self, svg: &mut Svg, field: &Field) {
+    fn grid(&self, svg: &mut Svg, field: &PlotField) {
         let [left, top, right, bottom] = FIELD;
         for tick in field.ms.ticks() {
             let x = field.ms.at(tick);
@@ -99,7 +99,7 @@ impl FrontPlot<'_> {
         svg.key([right + 14.0, top + 6.0], INK, "", "front of all together");
     }
 
-    fn curve(&self, svg: &mut Svg, k: usize, curve: &AxisCurve, field: &Field) {
+    fn curve(&self, svg: &mut Svg, k: usize, curve: &AxisCurve, field: &PlotField) {
         let colour = COLOURS[k % COLOURS.len()];
         let dashes = if k < COLOURS.len() { "" } else { "6 3" };
         let place = |i: usize| field.at(&self.points[i]);
@@ -113,7 +113,7 @@ impl FrontPlot<'_> {
         svg.key([FIELD[2] + 14.0, FIELD[1] + 26.0 + 18.0 * k as f64], colour, dashes, &curve.name);
     }
 
-    fn front(&self, svg: &mut Svg, field: &Field) {
+    fn front(&self, svg: &mut Svg, field: &PlotField) {
         let place = |i: usize| field.at(&self.points[i]);
         svg.curve(self.front.iter().map(|&i| Some(place(i))), INK, 2.5);
         for &i in self.front {
@@ -134,7 +134,7 @@ impl FrontPlot<'_> {
         }
     }
 
-    fn dot(&self, svg: &mut Svg, i: usize, colour: &str, radius_px: f64, field: &Field) {
+    fn dot(&self, svg: &mut Svg, i: usize, colour: &str, radius_px: f64, field: &PlotField) {
         let m = &self.points[i];
         let style = format!("fill=\"{colour}\" data-point=\"{i}\"");
         let title = format!("{}: {:.2} ms, error {:.4}", m.point.label(), m.ms, m.errors.shadow);

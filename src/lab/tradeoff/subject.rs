@@ -10,7 +10,7 @@ use crate::error::LabError;
 use crate::model::response::Response;
 use crate::pipeline::frame::Stage;
 use crate::still::{
-    Composition, Still, compose_scene, far_light::KnownLight, moment::Moment, traced::LightOf,
+    Composition, Still, compose_scene, far_light::KnownLight, moment::RecordedMoment, traced::LightOf,
 };
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ enum StillsOf {
         composition: Option<Box<Composition>>,
     },
     Moment {
-        moment: Box<Moment>,
+        moment: Box<RecordedMoment>,
         settings: Box<Settings>,
         frame: u64,
     },
@@ -126,7 +126,7 @@ impl StudySubject {
             scene_file: scene.display().to_string(),
             ..bench.base.clone()
         };
-        let moment = Box::new(Moment::of(&settings, choice.frame, &bench.host)?);
+        let moment = Box::new(RecordedMoment::of(&settings, choice.frame, &bench.host)?);
         let still = moment.composition.still(&settings.quality, &bench.host);
         let truth = traced(&still, LightOf::Samples, choice, bench)?;
         let stills = StillsOf::Moment { moment, settings: Box::new(settings), frame: choice.frame };
@@ -199,7 +199,7 @@ impl StudySubject {
             StillsOf::Moment { settings, frame, .. } if point.is_of_recording() => {
                 let mut settings = (**settings).clone();
                 point.put_over(&mut settings)?;
-                let Ok(moment) = Moment::of(&settings, *frame, &host) else { return Ok(None) };
+                let Ok(moment) = RecordedMoment::of(&settings, *frame, &host) else { return Ok(None) };
                 Some(SubjectShot {
                     still: moment.composition.still(&quality, &host),
                     before: before(&moment),
@@ -249,7 +249,7 @@ fn traced(
 }
 
 /// The stages before drawing.
-fn before(moment: &Moment) -> Vec<(&'static str, f32)> {
+fn before(moment: &RecordedMoment) -> Vec<(&'static str, f32)> {
     let drawn = |s: &Stage| matches!(s, Stage::Relight | Stage::Frame);
     Stage::ALL.iter().zip(moment.stage_ms).filter(|(s, _)| !drawn(s)).map(|(s, ms)| (s.name(), ms)).collect()
 }

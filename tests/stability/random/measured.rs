@@ -21,7 +21,7 @@ use halflight::{
     },
     sources::{
         cut::{Cutter, Leaf},
-        expand::{Expander, Marked, Priority, Wanted},
+        expand::{Expander, Marked, Priority, WantedNodes},
         tree::SourceTree,
     },
     track::{
@@ -170,7 +170,7 @@ fn sources() {
         let towards = vec![Vec3::Z; light.len()];
         let marked = Marked { tree: &tree, light: &light, towards: &towards, lasting: false };
         let all: f64 = light.iter().filter(|l| l.is_finite() && **l > 0.0).map(|l| f64::from(*l)).sum();
-        let chosen = expander.expand(&[marked], Wanted::exactly(count), Priority::ErrorRemoved);
+        let chosen = expander.expand(&[marked], WantedNodes::exactly(count), Priority::ErrorRemoved);
         let kept: f64 = chosen.iter().map(|c| f64::from(c.light)).sum();
         prop_assert!(chosen.len() <= count);
         prop_assert!(all > 3e38 || (kept - all).abs() <= 1e-5 * all, "{kept} of {all}");

@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::animation::{
-    BoundSphere, Channel, Clip, Interpolation, Joint, Moves, Playing, Skeleton, SkeletonNode, Walk,
+    AnimationChannel, BoundSphere, Clip, Interpolation, Joint, Moves, Playing, Skeleton, SkeletonNode, Walk,
 };
 use crate::model::scene::{Material, Mesh, VirtualObject};
 use glam::{Quat, Vec2, Vec4};
@@ -24,7 +24,7 @@ fn object(name: &str) -> VirtualObject {
 fn lifted(object: usize) -> Figure {
     let node = SkeletonNode { name: "bone".into(), parent: None, rest: Transform::IDENTITY };
     let joint = Joint { node: 0, node_from_bind: Affine3A::from_translation(-Vec3::X) };
-    let channel = |moves, to: Vec4, from: Vec4| Channel {
+    let channel = |moves, to: Vec4, from: Vec4| AnimationChannel {
         node: 0,
         moves,
         interpolation: Interpolation::Linear,

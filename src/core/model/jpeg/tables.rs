@@ -2,12 +2,12 @@
 
 /// Codes of each length from 1 to 16, and what they stand for, in order (ITU-T T.81, Annex C).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Listed<'a> {
+pub(super) struct ListedCodes<'a> {
     counts: &'a [u8; 16],
     values: &'a [u8],
 }
 
-impl<'a> Listed<'a> {
+impl<'a> ListedCodes<'a> {
     /// The first table of a table segment's content: its class and number, itself, and what follows it.
     pub(super) fn read(content: &'a [u8]) -> Option<(u8, Self, &'a [u8])> {
         let (&name, rest) = content.split_first()?;
@@ -34,7 +34,7 @@ pub(super) struct HuffmanTable {
 }
 
 impl HuffmanTable {
-    pub(super) fn new(listed: Listed<'_>) -> Self {
+    pub(super) fn new(listed: ListedCodes<'_>) -> Self {
         let mut table = Self { quick: [0; 512], ends: [0; 17], offsets: [0; 17], values: [0; 256] };
         table.values[..listed.values.len()].copy_from_slice(listed.values);
         let (mut code, mut at) = (0u32, 0usize);

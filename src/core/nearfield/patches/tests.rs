@@ -84,8 +84,8 @@ fn finer_where_the_light_is() {
     assert_eq!(patches.patches.len(), 1500);
     assert!((check(&patches) - 59.0).abs() < 1e-3);
     assert!(patches.patches.iter().all(|p| p.seen));
-    let near = |p: &&Patch| p.centre_world.z > 1.7 && p.centre_world.truncate().length() < 0.5;
-    let (bright, rest): (Vec<&Patch>, Vec<&Patch>) = patches.patches.iter().partition(near);
+    let near = |p: &&RoomPatch| p.centre_world.z > 1.7 && p.centre_world.truncate().length() < 0.5;
+    let (bright, rest): (Vec<&RoomPatch>, Vec<&RoomPatch>) = patches.patches.iter().partition(near);
     assert!(bright.len() > 500, "{} patches about the spot", bright.len());
     let largest = rest.iter().map(|p| p.area_m2).fold(0.0, f32::max);
     assert!(bright.iter().all(|p| p.area_m2 < 0.2 * largest));
@@ -186,7 +186,7 @@ fn off_in_penumbra(edges: f32) -> f64 {
     };
     let at_vertices: Vec<f64> = patches.vertices.iter().map(|v| light(v.gather_world)).collect();
     let (mut square, mut sum, mut area) = (0.0, 0.0, 0.0);
-    let under = |p: &&Patch| p.centre_world.z < -0.74 && p.centre_world.truncate().length() < 1.2;
+    let under = |p: &&RoomPatch| p.centre_world.z < -0.74 && p.centre_world.truncate().length() < 1.2;
     for patch in patches.patches.iter().filter(under) {
         for [a, b, c] in patch.triangles() {
             let [p, q, r] = [a, b, c].map(|v| patches.vertices[v as usize].position_world);

@@ -114,7 +114,7 @@ fn radiance_lands_where_it_comes_from_and_patches_follow_it() {
     // The floor under the table, the table's underside and sides are hidden, and the ceiling behind the lamp.
     assert!(report.filled_patches > 20 && report.filled_patches < 300, "{report:?}");
     let seen: Vec<_> = patches.patches.iter().filter(|p| p.seen).collect();
-    let off = |p: &&&crate::model::room::Patch| {
+    let off = |p: &&&crate::model::room::RoomPatch| {
         let want = truth(p.surface, p.centre_world, Glow(0.0))[0];
         (p.radiance_rgb[0] / want - 1.0).abs()
     };

@@ -22,7 +22,14 @@ struct MarkedFrame {
 impl MarkedFrame {
     fn draw(&mut self, field: &NearField, objects: &[Aabb], count: usize) {
         self.marks.mark(field, objects, None);
-        self.lights.choose(field, &self.marks, objects, None, Wanted::exactly(count), Priority::ErrorRemoved);
+        self.lights.choose(
+            field,
+            &self.marks,
+            objects,
+            None,
+            WantedNodes::exactly(count),
+            Priority::ErrorRemoved,
+        );
         self.lights.light_rows(field, &self.marks, &mut self.rows);
     }
 }
@@ -136,7 +143,7 @@ fn a_sun_shares_the_count() {
             &frame.marks,
             &[object],
             Some(far),
-            Wanted::exactly(12),
+            WantedNodes::exactly(12),
             Priority::ErrorRemoved,
         );
         let suns = frame.lights.far().len();

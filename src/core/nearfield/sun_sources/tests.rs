@@ -4,13 +4,13 @@ use super::super::{
     frame::{NearFrame, NearQuality},
 };
 use super::*;
-use crate::sources::expand::Wanted;
+use crate::sources::expand::WantedNodes;
 use crate::{
     math::{lens::Lens, pose::Pose},
     model::room::{Face, Room, RoomSun, RoomSurface},
     visibility::{
         proxies::Proxies,
-        shadow_maps::{Receivers, ShadowMaps},
+        shadow_maps::{Receivers, ShadowMapSet},
     },
 };
 use glam::DVec3;
@@ -207,7 +207,14 @@ fn no_light_is_lost_or_gained() {
     let mut first = None;
     for count in [1000, 50, 10, 5, 3, 2] {
         let by = crate::sources::expand::Priority::ErrorRemoved;
-        lights.choose(&place.field, &marks, &objects, found.marked(&place.suns), Wanted::exactly(count), by);
+        lights.choose(
+            &place.field,
+            &marks,
+            &objects,
+            found.marked(&place.suns),
+            WantedNodes::exactly(count),
+            by,
+        );
         let far: f64 = lights.far().iter().map(|c| f64::from(c.light)).sum();
         let near: f64 = lights.near().iter().map(|l| f64::from(l.light)).sum();
         let [a, b]: [f64; 2] = *first.get_or_insert([far, near]);
@@ -219,14 +226,14 @@ fn no_light_is_lost_or_gained() {
         [[-1.5, -0.75], [1.5, -0.75], [1.5, 1.75], [-1.5, 1.75]].map(|[y, z]| Vec3::new(-1.9, y, z)).to_vec();
     let triangles = [[0, 1, 2], [0, 2, 3]];
     let suns: Vec<_> = (0..2).map(|k| *place.suns.get(k).unwrap().0).collect();
-    let mut drawn = ShadowMaps::default();
+    let mut drawn = ShadowMapSet::default();
     drawn.fit(&suns, &plate, &triangles, &Receivers::default(), 256, 4);
     drawn.draw(&plate, &triangles);
-    let none = ShadowMaps::default();
+    let none = ShadowMapSet::default();
     let mut sums = [0.0f32; 2];
     for i in 0..400 {
         let at = Vec3::new(-0.59 + 0.003 * i as f32, -0.39 + (0.37 * i as f32).fract() * 0.78, 0.0);
-        let of = |maps: &[Option<u32>], objects: &ShadowMaps| place.suns.at(at, Vec3::Z, maps, objects, 4);
+        let of = |maps: &[Option<u32>], objects: &ShadowMapSet| place.suns.at(at, Vec3::Z, maps, objects, 4);
         let [all, nothing] = of(&[Some(0), Some(1)], &none);
         assert_eq!(nothing, [0.0; 3]);
         for maps in [[None; 2], [Some(0); 2], [Some(1); 2]] {

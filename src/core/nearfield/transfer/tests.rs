@@ -7,7 +7,7 @@ fn half_behind_the_table_is_half_visible() {
     let room = fixture::room();
     let field = fixture::field(&room, 60, &fixture::ALL);
     let statics = Statics::new(&room);
-    let lamp = Patch {
+    let lamp = RoomPatch {
         corners: [0, 1, 2, 3],
         centre_world: Vec3::new(0.6, -0.4, 1.74),
         normal_world: Vec3::NEG_Z,

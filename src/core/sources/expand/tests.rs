@@ -41,7 +41,7 @@ fn an_even_row_is_cut_evenly_and_drawn_from_the_middles() {
     let mut expander = Expander::default();
     for by in [Priority::ErrorRemoved, Priority::Transfer] {
         for count in [1, 2, 4, 8, 16, 32, 64, 100] {
-            let chosen = expander.expand(&[lit.marked()], Wanted::exactly(count), by);
+            let chosen = expander.expand(&[lit.marked()], WantedNodes::exactly(count), by);
             assert_eq!(chosen.len(), count.min(64));
             for c in chosen {
                 let leaves = below(&lit, c);
@@ -63,18 +63,18 @@ fn unmarked_leaves_cost_nothing() {
     (light[3], light[60]) = (1.0, 2.0);
     let lit = Lit::new(&row(64, 1.0), &light);
     let mut expander = Expander::default();
-    let chosen = expander.expand(&[lit.marked()], Wanted::exactly(2), Priority::ErrorRemoved);
+    let chosen = expander.expand(&[lit.marked()], WantedNodes::exactly(2), Priority::ErrorRemoved);
     assert_eq!(chosen.len(), 2);
     for c in chosen {
         assert!(lit.tree.nodes()[c.node as usize].is_leaf() && c.extent_rad == 0.0);
         assert_eq!(lit.light[c.centre as usize], c.light);
     }
-    let one = expander.expand(&[lit.marked()], Wanted::exactly(1), Priority::ErrorRemoved)[0];
+    let one = expander.expand(&[lit.marked()], WantedNodes::exactly(1), Priority::ErrorRemoved)[0];
     assert_eq!((one.light, lit.light[one.centre as usize] > 0.0), (3.0, true));
-    assert!(expander.expand(&[lit.marked()], Wanted::exactly(0), Priority::ErrorRemoved).is_empty());
+    assert!(expander.expand(&[lit.marked()], WantedNodes::exactly(0), Priority::ErrorRemoved).is_empty());
     let dark = Lit::new(&row(8, 1.0), &[0.0; 8]);
-    assert!(expander.expand(&[dark.marked()], Wanted::exactly(5), Priority::ErrorRemoved).is_empty());
-    assert!(expander.expand(&[], Wanted::exactly(5), Priority::ErrorRemoved).is_empty());
+    assert!(expander.expand(&[dark.marked()], WantedNodes::exactly(5), Priority::ErrorRemoved).is_empty());
+    assert!(expander.expand(&[], WantedNodes::exactly(5), Priority::ErrorRemoved).is_empty());
 }
 
 #[test]
@@ -85,12 +85,15 @@ fn far_and_near_share_one_count_by_what_it_gains() {
     let ceiling = Lit::new(&row(32, 2.0), &[0.05; 32]);
     let mut expander = Expander::default();
     let trees = [sun.marked(), window.marked(), ceiling.marked()];
-    let chosen = expander.expand(&trees, Wanted::exactly(16), Priority::ErrorRemoved).to_vec();
+    let chosen = expander.expand(&trees, WantedNodes::exactly(16), Priority::ErrorRemoved).to_vec();
     let of = |tree| chosen.iter().filter(|c| c.tree == tree).count();
     assert!(of(0) <= 2 && of(1) >= 12 && of(2) >= 1, "{chosen:?}");
     // With too few for all trees, the strongest stay.
-    let two: Vec<u32> =
-        expander.expand(&trees, Wanted::exactly(2), Priority::ErrorRemoved).iter().map(|c| c.tree).collect();
+    let two: Vec<u32> = expander
+        .expand(&trees, WantedNodes::exactly(2), Priority::ErrorRemoved)
+        .iter()
+        .map(|c| c.tree)
+        .collect();
     assert_eq!(two, [0, 1]);
 }
 
@@ -106,7 +109,7 @@ fn a_tie_that_trembles_does_not_flicker() {
         let light: Vec<f32> = (0..16).map(|i| if (i < 8) == (frame % 2 == 0) { 1.05 } else { 1.0 }).collect();
         let lit = Lit::new(&places, &light);
         let nodes: Vec<(u32, u32)> = expander
-            .expand(&[lit.marked()], Wanted::exactly(3), Priority::ErrorRemoved)
+            .expand(&[lit.marked()], WantedNodes::exactly(3), Priority::ErrorRemoved)
             .iter()
             .map(|c| (c.node, c.centre))
             .collect();
@@ -117,14 +120,14 @@ fn a_tie_that_trembles_does_not_flicker() {
     let light: Vec<f32> = (0..16).map(|i| if i < 8 { 1.0 } else { 3.0 }).collect();
     let other = Lit::new(&places, &light);
     let first: Vec<u32> = expander
-        .expand(&[other.marked()], Wanted::exactly(3), Priority::ErrorRemoved)
+        .expand(&[other.marked()], WantedNodes::exactly(3), Priority::ErrorRemoved)
         .iter()
         .map(|c| c.node)
         .collect();
     let light: Vec<f32> = (0..16).map(|i| if i < 8 { 3.0 } else { 1.0 }).collect();
     let other = Lit::new(&places, &light);
     let second: Vec<u32> = expander
-        .expand(&[other.marked()], Wanted::exactly(3), Priority::ErrorRemoved)
+        .expand(&[other.marked()], WantedNodes::exactly(3), Priority::ErrorRemoved)
         .iter()
         .map(|c| c.node)
         .collect();
@@ -139,7 +142,7 @@ fn one_light_for_two_trees_stays_where_it_is() {
         let trees = [Lit::new(&a, &[lights[0] / 8.0; 8]), Lit::new(&b, &[lights[1] / 16.0; 16])];
         let chosen = expander.expand(
             &[trees[0].marked(), trees[1].marked()],
-            Wanted::exactly(1),
+            WantedNodes::exactly(1),
             Priority::ErrorRemoved,
         );
         assert_eq!(chosen.len(), 1);
@@ -168,7 +171,7 @@ proptest! {
         let marked = light.iter().filter(|l| **l > 0.0).count();
         for by in [Priority::ErrorRemoved, Priority::Transfer] {
             let mut expander = Expander::default();
-            let chosen = expander.expand(&[lit.marked()], Wanted::exactly(count), by);
+            let chosen = expander.expand(&[lit.marked()], WantedNodes::exactly(count), by);
             prop_assert_eq!(chosen.len(), count.min(marked));
             let mut all: Vec<u32> = chosen.iter().flat_map(|c| below(&lit, c)).collect();
             all.sort_unstable();
@@ -189,7 +192,7 @@ proptest! {
     #[test]
     fn as_many_as_the_error_asks_for(count in 2usize..40, least in 1usize..6, more in 0usize..20, left_deg in 0.0f32..40.0) {
         let lit = Lit::new(&row(count, 1.5), &vec![1.0; count]);
-        let wanted = Wanted { least, most: least + more, left_rad: left_deg.to_radians() };
+        let wanted = WantedNodes { least, most: least + more, left_rad: left_deg.to_radians() };
         let mut expander = Expander::default();
         let chosen = expander.expand(&[lit.marked()], wanted, Priority::ErrorRemoved).len();
         prop_assert!(chosen <= wanted.most && chosen >= least.min(count));
@@ -197,7 +200,7 @@ proptest! {
         prop_assert!(left <= wanted.left_rad || chosen == wanted.most.min(count));
         if chosen > least {
             let mut fewer = Expander::default();
-            fewer.expand(&[lit.marked()], Wanted::exactly(chosen - 1), Priority::ErrorRemoved);
+            fewer.expand(&[lit.marked()], WantedNodes::exactly(chosen - 1), Priority::ErrorRemoved);
             prop_assert!(fewer.left_rad() > wanted.left_rad);
         }
         // Nearly the same light once more: the number stays.

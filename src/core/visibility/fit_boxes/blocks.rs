@@ -1,6 +1,6 @@
 //! A piece cut into blocks along its flat sides, and the boxes that are put together of them.
 
-use super::pieces::{Frame, Piece, across};
+use super::pieces::{Piece, PieceFrame, across};
 use glam::{Vec2, Vec3};
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ pub struct Blocks {
 
 impl Blocks {
     /// Along its flat sides, and between these as finely as is not too much work.
-    pub fn cut(piece: &Piece, frame: &Frame, is_sheet: bool) -> Self {
+    pub fn cut(piece: &Piece, frame: &PieceFrame, is_sheet: bool) -> Self {
         let sides: [Vec<f32>; 3] = std::array::from_fn(|axis| sides_along(piece, frame, axis));
         let mut cuts: [Vec<f32>; 3] = Default::default();
         for fineness in FINENESS {
@@ -77,7 +77,7 @@ impl Blocks {
     }
 
     /// Finds how full the blocks are, along lines through the piece.
-    fn fill(&mut self, piece: &Piece, frame: &Frame, is_sheet: bool) {
+    fn fill(&mut self, piece: &Piece, frame: &PieceFrame, is_sheet: bool) {
         let [nx, ny, nz] = self.counts();
         let side = PLACES.len();
         let xs: Vec<f32> = places(&self.cuts[0], 0);
@@ -208,7 +208,7 @@ impl Blocks {
 }
 
 /// Where flat sides straight to an axis lie, and the ends, in order.
-fn sides_along(piece: &Piece, frame: &Frame, axis: usize) -> Vec<f32> {
+fn sides_along(piece: &Piece, frame: &PieceFrame, axis: usize) -> Vec<f32> {
     let (low, high) = (frame.low[axis], frame.high[axis]);
     let near = 1e-4 * (frame.high - frame.low).max_element();
     let mut sides: Vec<(f32, f32)> = Vec::new();

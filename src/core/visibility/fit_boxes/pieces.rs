@@ -26,7 +26,7 @@ pub struct Piece {
 }
 
 /// Parallel parts of a surface, whichever way they face.
-pub struct Side {
+pub struct PieceSide {
     /// Unit.
     pub normal: Vec3,
     /// Of all of them.
@@ -34,7 +34,7 @@ pub struct Side {
 }
 
 /// Where a piece lies straight.
-pub struct Frame {
+pub struct PieceFrame {
     /// Unit, right-handed; the last is straight to its largest side.
     pub axes: [Vec3; 3],
     /// Least coordinates along the axes.
@@ -43,7 +43,7 @@ pub struct Frame {
     pub high: Vec3,
 }
 
-impl Frame {
+impl PieceFrame {
     /// A point's coordinates.
     pub fn of(&self, point: Vec3) -> Vec3 {
         Vec3::from(self.axes.map(|axis| axis.dot(point)))
@@ -148,15 +148,15 @@ impl Piece {
     }
 
     /// Its parallel parts, the largest first.
-    pub fn sides(&self) -> Vec<Side> {
-        let mut sides: Vec<Side> = Vec::new();
+    pub fn sides(&self) -> Vec<PieceSide> {
+        let mut sides: Vec<PieceSide> = Vec::new();
         for triangle in &self.triangles {
             let normal = across(triangle);
             let area = 0.5 * normal.length();
             let normal = normal.normalize_or_zero();
             match sides.iter().position(|side| side.normal.dot(normal).abs() > SAME_NORMAL) {
                 Some(side) => sides[side].area += area,
-                None if sides.len() < MOST_SIDES => sides.push(Side { normal, area }),
+                None if sides.len() < MOST_SIDES => sides.push(PieceSide { normal, area }),
                 None => {}
             }
         }
@@ -165,7 +165,7 @@ impl Piece {
     }
 
     /// The frame about a normal in which the rectangle around it, along one of its longest edges, is least.
-    pub fn frame(&self, normal: Vec3) -> Frame {
+    pub fn frame(&self, normal: Vec3) -> PieceFrame {
         let edges = self.triangles.iter().flat_map(|[a, b, c]| [*b - *a, *c - *b, *a - *c]);
         // What is left of an edge along the normal is rounding.
         let lies = |(edge, within): &(Vec3, Vec3)| within.length() > LYING * edge.length();
@@ -183,14 +183,14 @@ impl Piece {
         tried.push(normal.any_orthonormal_vector());
         let frame = |x: Vec3| {
             let axes = [x, normal.cross(x), normal];
-            let mut frame = Frame { axes, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+            let mut frame = PieceFrame { axes, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
             for point in self.triangles.iter().flatten() {
                 let at = frame.of(*point);
                 (frame.low, frame.high) = (frame.low.min(at), frame.high.max(at));
             }
             frame
         };
-        let size = |frame: &Frame| (frame.high - frame.low).truncate().element_product();
+        let size = |frame: &PieceFrame| (frame.high - frame.low).truncate().element_product();
         let first = frame(tried[0]);
         tried[1..].iter().map(|x| frame(*x)).fold(first, |best, next| {
             // Of equals the first.

@@ -30,8 +30,8 @@ fn drawn(
     side: u32,
     casters: &[Vec3],
     triangles: &[[u32; 3]],
-) -> PointMaps {
-    let mut maps = PointMaps::default();
+) -> PointMapSet {
+    let mut maps = PointMapSet::default();
     let half_axes_world = half_axes.unwrap_or_default();
     let light = PointLight { place_world: place, half_axes_world, front: Vec3::ZERO };
     maps.fit([light].into_iter(), side, casters, 256);
@@ -39,11 +39,11 @@ fn drawn(
     maps
 }
 
-fn hard(place: Vec3, casters: &[Vec3], triangles: &[[u32; 3]]) -> PointMaps {
+fn hard(place: Vec3, casters: &[Vec3], triangles: &[[u32; 3]]) -> PointMapSet {
     drawn(place, None, 1, casters, triangles)
 }
 
-fn seen(maps: &PointMaps, point: Vec3, normal: Option<Vec3>) -> f32 {
+fn seen(maps: &PointMapSet, point: Vec3, normal: Option<Vec3>) -> f32 {
     maps.get(0).map_or(1.0, |(camera, maps)| visibility(maps, camera, WHOLE, point, normal))
 }
 

@@ -1,6 +1,6 @@
 //! Shadow maps read at several points of a flat receiver at once: what looking them up one by one gives.
 
-use super::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, ShadowMaps, bias_m, lit};
+use super::{MAX_BIAS_TEXELS, ROUNDING_TEXELS, ShadowMapSet, bias_m, lit};
 
 /// What the positions in the maps may be off by, texels: rounding of points far away.
 const ROUNDING_ROOM: f32 = 1.0;
@@ -16,7 +16,7 @@ pub struct FlatLight {
     bias: f32,
 }
 
-impl ShadowMaps {
+impl ShadowMapSet {
     /// For a flat receiver whose normal times light `k`'s direction is `cosine`; `None` where the light has no map or the
     /// receiver is turned away.
     pub fn flat_light(&self, k: usize, taps: u32, cosine: f32) -> Option<FlatLight> {
@@ -48,7 +48,7 @@ impl ShadowMaps {
     }
 
     /// The share of a light that reaches each of the first `count` of N points of a flat receiver (world frame, coordinate
-    /// by coordinate): as [`ShadowMaps::visibility`].
+    /// by coordinate): as [`ShadowMapSet::visibility`].
     #[inline(always)]
     pub fn visibility_flat<const N: usize>(
         &self,

@@ -27,7 +27,7 @@ pub fn side_of_each(texels: u32, count: usize) -> u32 {
 
 /// Cameras and depths, one for each hard light; memory is kept.
 #[derive(Clone, Debug, Default)]
-pub struct ShadowMaps {
+pub struct ShadowMapSet {
     pub(super) cameras: Vec<Option<ShadowCamera>>,
     pub(super) maps: Vec<ShadowMap>,
     /// The casters' vertices that triangles use.
@@ -35,7 +35,7 @@ pub struct ShadowMaps {
     is_used: Vec<bool>,
 }
 
-impl ShadowMaps {
+impl ShadowMapSet {
     /// No map: nothing is shadowed.
     pub fn clear(&mut self) {
         self.cameras.clear();

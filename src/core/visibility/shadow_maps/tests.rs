@@ -188,7 +188,7 @@ fn bias_is_bounded_and_finite() {
 }
 
 /// Spheres in a row, some lights, and their maps in bands or whole.
-fn maps(lights: usize, texels: u32) -> (ShadowMaps, Vec<crate::model::light::HardLight>) {
+fn maps(lights: usize, texels: u32) -> (ShadowMapSet, Vec<crate::model::light::HardLight>) {
     let lights: Vec<_> = fibonacci(2 * lights)
         .take(lights)
         .map(|w| crate::model::light::HardLight {
@@ -206,7 +206,7 @@ fn maps(lights: usize, texels: u32) -> (ShadowMaps, Vec<crate::model::light::Har
     for k in 1..3 {
         triangles.extend(one.iter().map(|t| t.map(|i| i + k * count)));
     }
-    let mut maps = ShadowMaps::default();
+    let mut maps = ShadowMapSet::default();
     // What was drawn before must leave no trace.
     let elsewhere: Vec<Vec3> = casters.iter().map(|p| *p * Vec3::new(-0.8, 1.0, 1.3)).collect();
     for casters in [&elsewhere, &casters] {

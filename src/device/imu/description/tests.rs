@@ -51,7 +51,7 @@ fn a_table_is_read() {
     let imu = ImuDescription::from_toml(TEXT).unwrap().unwrap();
     assert_eq!((imu.baud, imu.rate_hz), (Some(460_800), Some(200.0)));
     let frame = imu.frame.as_ref().unwrap();
-    assert_eq!((frame.length, frame.fields.len(), frame.counter), (17, 6, Some((2, FieldType::U8))));
+    assert_eq!((frame.length, frame.fields.len(), frame.counter), (17, 6, Some((2, NumberType::U8))));
     // The samples' x is the sensor's -y.
     assert!((imu.imu_from_sensor * DVec3::NEG_Y).abs_diff_eq(DVec3::X, 1e-12));
     assert!((imu.imu_from_sensor * DVec3::X).abs_diff_eq(DVec3::Z, 1e-12));

@@ -1,10 +1,10 @@
 //! The table as TOML has it, before it is checked.
 
-use super::{Checksum, Field, FieldType, FrameTable, Quantity};
+use super::{Checksum, FieldQuantity, FrameField, FrameTable, NumberType};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
-pub(super) struct WholeFile {
+pub(super) struct RigFile {
     pub(super) imu: Option<ImuTable>,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct FrameText {
 pub(super) struct PlaceText {
     offset: usize,
     #[serde(rename = "type")]
-    kind: FieldType,
+    kind: NumberType,
 }
 
 #[derive(Deserialize)]
@@ -51,7 +51,7 @@ pub(super) struct PlaceText {
 pub(super) struct ClockText {
     offset: usize,
     #[serde(rename = "type")]
-    kind: FieldType,
+    kind: NumberType,
     tick_s: f64,
 }
 
@@ -60,9 +60,9 @@ pub(super) struct ClockText {
 pub(super) struct FieldText {
     offset: usize,
     #[serde(rename = "type")]
-    kind: FieldType,
+    kind: NumberType,
     scale: f64,
-    to: Quantity,
+    to: FieldQuantity,
 }
 
 impl FrameText {
@@ -77,7 +77,7 @@ impl FrameText {
             clock: self.clock.map(|clock| (clock.offset, clock.kind, clock.tick_s)),
             fields: fields
                 .into_iter()
-                .map(|f| Field { offset: f.offset, kind: f.kind, scale: f.scale, to: f.to })
+                .map(|f| FrameField { offset: f.offset, kind: f.kind, scale: f.scale, to: f.to })
                 .collect(),
         }
     }

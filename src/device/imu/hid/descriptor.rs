@@ -78,7 +78,7 @@ struct Globals {
 }
 
 #[derive(Default)]
-struct Reader {
+struct DescriptorReader {
     found: Descriptor,
     globals: Globals,
     pushed: Vec<Globals>,
@@ -89,7 +89,7 @@ struct Reader {
 
 /// Reads a report descriptor.
 pub fn read(bytes: &[u8]) -> Result<Descriptor, DescriptorError> {
-    let mut reader = Reader::default();
+    let mut reader = DescriptorReader::default();
     let mut at = 0;
     if bytes.len() > LONGEST {
         return Err(DescriptorError { at: LONGEST, why: "longer than 4096 bytes" });
@@ -115,7 +115,7 @@ pub fn read(bytes: &[u8]) -> Result<Descriptor, DescriptorError> {
     Ok(reader.found)
 }
 
-impl Reader {
+impl DescriptorReader {
     fn item(&mut self, tag: u8, value: u32, length: usize) -> Result<(), &'static str> {
         match tag {
             // Main items; local ones end with each.

@@ -5,7 +5,7 @@
 //! 2 g (16,384 for 1 g). Axes of the numbers: up, right, ahead; here x right, y up, z back. The headset must be switched on, by
 //! its button. Never tried on the hardware.
 
-use crate::imu::sample::{GRAVITY_M_S2, Stamp, WireSample};
+use crate::imu::sample::{GRAVITY_M_S2, SampleStamp, WireSample};
 use crate::imu::wire::resync::i16_at;
 use crate::model::time::Timestamp;
 
@@ -26,7 +26,7 @@ pub fn read(report: &[u8], arrival: Timestamp, out: &mut impl FnMut(WireSample))
             Some([right, up, -ahead])
         };
         out(WireSample {
-            stamp: Stamp::Ticks { value: clock_us.into(), bits: 32, tick_s: 1e-6 },
+            stamp: SampleStamp::Ticks { value: clock_us.into(), bits: 32, tick_s: 1e-6 },
             gyro_rad_s: turned(4, (2000.0f64 / 32_768.0).to_radians()),
             accel_m_s2: turned(10, GRAVITY_M_S2 / 16_384.0),
             ..WireSample::empty(arrival)
@@ -50,7 +50,7 @@ mod tests {
         assert!(read(&report, Timestamp(1), &mut |sample| samples.push(sample)));
         assert!((samples[0].accel_m_s2.unwrap()[1] - GRAVITY_M_S2).abs() < 1e-12);
         assert!((samples[0].gyro_rad_s.unwrap()[1] - 1000f64.to_radians()).abs() < 1e-9);
-        assert_eq!(samples[1].stamp, Stamp::Ticks { value: 1500, bits: 32, tick_s: 1e-6 });
+        assert_eq!(samples[1].stamp, SampleStamp::Ticks { value: 1500, bits: 32, tick_s: 1e-6 });
         assert!(!read(&report[..10], Timestamp(1), &mut |_| {}));
     }
 }

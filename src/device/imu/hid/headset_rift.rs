@@ -5,7 +5,7 @@
 //! forces, then rates, each three signed numbers of 21 bits, high bit first, in 0.0001 m/s^2 and 0.0001 rad/s. Axes: x right, y
 //! up, z back. The values are raw: the headset's own calibration is not applied. Never tried on the hardware.
 
-use crate::imu::sample::{Stamp, WireSample};
+use crate::imu::sample::{SampleStamp, WireSample};
 use crate::model::time::Timestamp;
 
 /// The number of the report.
@@ -31,7 +31,11 @@ pub fn read(report: &[u8], arrival: Timestamp, out: &mut impl FnMut(WireSample))
     for (k, sample) in report[12..].chunks_exact(16).take(new).enumerate() {
         let before_us = 1000 * (new - 1 - k) as u32;
         out(WireSample {
-            stamp: Stamp::Ticks { value: clock_us.wrapping_sub(before_us).into(), bits: 32, tick_s: 1e-6 },
+            stamp: SampleStamp::Ticks {
+                value: clock_us.wrapping_sub(before_us).into(),
+                bits: 32,
+                tick_s: 1e-6,
+            },
             accel_m_s2: Some(three(&sample[..8])),
             gyro_rad_s: Some(three(&sample[8..])),
             ..WireSample::empty(arrival)
@@ -70,7 +74,7 @@ mod tests {
         let mut samples = Vec::new();
         assert!(read(&report, Timestamp(5), &mut |sample| samples.push(sample)));
         assert_eq!(samples.len(), 2);
-        assert_eq!(samples[0].stamp, Stamp::Ticks { value: 0xFFFF_FE0C, bits: 32, tick_s: 1e-6 });
+        assert_eq!(samples[0].stamp, SampleStamp::Ticks { value: 0xFFFF_FE0C, bits: 32, tick_s: 1e-6 });
         let near =
             |a: Option<[f64; 3]>, b: [f64; 3]| a.unwrap().iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
         assert!(near(samples[0].accel_m_s2, [1e-4, -2e-4, 9.81]));

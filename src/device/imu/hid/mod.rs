@@ -118,7 +118,7 @@ impl ReportProtocol {
             Self::Psvr => headset_psvr::read(report, arrival, out),
             Self::Described(table) => {
                 let looked = described::look(table, report, arrival);
-                if let super::wire::resync::Look::Sample(_, sample) = looked {
+                if let super::wire::resync::WireLook::Sample(_, sample) = looked {
                     out(sample);
                     return true;
                 }

@@ -9,7 +9,7 @@ const LONGEST: usize = 1024;
 
 /// A channel's place and form.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Channel {
+pub struct ScanChannel {
     /// As in sysfs, e.g. `in_accel_x`.
     pub name: String,
     /// First byte in the record.
@@ -62,7 +62,7 @@ impl Form {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
     /// In the order of the record.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<ScanChannel>,
     /// The record's length.
     pub bytes: usize,
 }
@@ -83,7 +83,7 @@ impl Layout {
             largest = largest.max(size);
             let offset = layout.bytes.next_multiple_of(size);
             layout.bytes = offset + size;
-            layout.channels.push(Channel { name, offset, repeat: form.repeat, form });
+            layout.channels.push(ScanChannel { name, offset, repeat: form.repeat, form });
         }
         layout.bytes = layout.bytes.next_multiple_of(largest);
         if layout.bytes > LONGEST {
@@ -93,12 +93,12 @@ impl Layout {
     }
 
     /// The channel of a name.
-    pub fn channel(&self, name: &str) -> Option<&Channel> {
+    pub fn channel(&self, name: &str) -> Option<&ScanChannel> {
         self.channels.iter().find(|channel| channel.name == name)
     }
 }
 
-impl Channel {
+impl ScanChannel {
     /// Number `k` of the channel in a record; `None` beyond the record's end.
     pub fn read(&self, record: &[u8], k: usize) -> Option<i64> {
         let Form { stored_bytes, bits, shift, .. } = self.form;

@@ -9,7 +9,7 @@ mod sysfs;
 use super::assemble::Assembler;
 use super::description::ImuDescription;
 use super::names::{ImuName, Which};
-use super::sample::{Stamp, WireSample};
+use super::sample::{SampleStamp, WireSample};
 use crate::clock::Clock;
 use crate::model::imu::{ImuOrientation, ImuSample};
 use crate::model::time::Timestamp;
@@ -43,7 +43,7 @@ impl Default for Places {
 }
 
 /// One device of the one or two that are read.
-struct Part {
+struct DevicePart {
     file: File,
     opened: Opened,
     bytes: Vec<u8>,
@@ -54,7 +54,7 @@ struct Part {
 /// A standard sensor.
 pub struct IioImu {
     name: String,
-    parts: Vec<Part>,
+    parts: Vec<DevicePart>,
     clock: Arc<dyn Clock>,
     assembler: Assembler,
     accel: Option<[f64; 3]>,
@@ -97,7 +97,7 @@ impl IioImu {
         let rate_hz = name.rate(description, all[0].1.rate_hz.unwrap_or(100.0));
         let parts = all.into_iter().map(|(file, opened)| {
             let bytes = vec![0; READ_RECORDS * opened.layout.bytes];
-            Part { file, opened, bytes, held: 0 }
+            DevicePart { file, opened, bytes, held: 0 }
         });
         Ok(Self {
             name: text.to_owned(),
@@ -181,7 +181,7 @@ impl Opened {
             sample.orientation = Some(DQuat::from_xyzw(x, y, z, w).normalize());
         }
         if let Some(ns) = self.layout.channel(sysfs::TIMESTAMP).and_then(|channel| channel.read(record, 0)) {
-            sample.stamp = Stamp::Ticks { value: ns.cast_unsigned(), bits: 64, tick_s: 1e-9 };
+            sample.stamp = SampleStamp::Ticks { value: ns.cast_unsigned(), bits: 64, tick_s: 1e-9 };
         }
         sample
     }

@@ -1,21 +1,21 @@
 //! Frames that a table describes: header, length, checksum, index, fields.
 
-use super::resync::{Look, sum8};
-use crate::imu::description::{Checksum, FieldType, FrameTable};
-use crate::imu::sample::{Stamp, WireSample};
+use super::resync::{WireLook, sum8};
+use crate::imu::description::{Checksum, FrameTable, NumberType};
+use crate::imu::sample::{SampleStamp, WireSample};
 use crate::model::time::Timestamp;
 use glam::DQuat;
 
 /// Looks for a frame at the beginning of these bytes.
-pub fn look(table: &FrameTable, bytes: &[u8], arrival: Timestamp) -> Look {
+pub fn look(table: &FrameTable, bytes: &[u8], arrival: Timestamp) -> WireLook {
     if bytes.iter().zip(&table.header).any(|(byte, head)| byte != head) {
-        return Look::Nothing;
+        return WireLook::Nothing;
     }
-    let Some(frame) = bytes.get(..table.length) else { return Look::More };
+    let Some(frame) = bytes.get(..table.length) else { return WireLook::More };
     if !is_sum_right(table, frame) {
-        return Look::WrongSum;
+        return WireLook::WrongSum;
     }
-    sample(table, frame, arrival).map_or(Look::Nothing, |sample| Look::Sample(table.length, sample))
+    sample(table, frame, arrival).map_or(WireLook::Nothing, |sample| WireLook::Sample(table.length, sample))
 }
 
 /// Reads the fields of a whole frame or report; `None` where it is too short, or its quaternion is none.
@@ -38,31 +38,31 @@ pub fn sample(table: &FrameTable, frame: &[u8], arrival: Timestamp) -> Option<Wi
     }
     if let Some((offset, kind)) = table.counter {
         let modulus = 1 << (8 * kind.bytes().min(2));
-        sample.stamp = Stamp::Count { value: read(kind, frame, offset)? as u32 % modulus, modulus };
+        sample.stamp = SampleStamp::Count { value: read(kind, frame, offset)? as u32 % modulus, modulus };
     }
     if let Some((offset, kind, tick_s)) = table.clock {
         let bits = 8 * kind.bytes() as u32;
-        sample.stamp = Stamp::Ticks { value: read(kind, frame, offset)? as u64, bits, tick_s };
+        sample.stamp = SampleStamp::Ticks { value: read(kind, frame, offset)? as u64, bits, tick_s };
     }
     Some(sample)
 }
 
 /// One number of a frame.
-fn read(kind: FieldType, frame: &[u8], offset: usize) -> Option<f64> {
+fn read(kind: NumberType, frame: &[u8], offset: usize) -> Option<f64> {
     let bytes = frame.get(offset..offset.checked_add(kind.bytes())?)?;
     let two = || bytes.try_into().ok().map(|b: [u8; 2]| b);
     let four = || bytes.try_into().ok().map(|b: [u8; 4]| b);
     Some(match kind {
-        FieldType::U8 => f64::from(bytes[0]),
-        FieldType::I8 => f64::from(bytes[0].cast_signed()),
-        FieldType::U16le => f64::from(u16::from_le_bytes(two()?)),
-        FieldType::I16le => f64::from(i16::from_le_bytes(two()?)),
-        FieldType::U16be => f64::from(u16::from_be_bytes(two()?)),
-        FieldType::I16be => f64::from(i16::from_be_bytes(two()?)),
-        FieldType::U32le => f64::from(u32::from_le_bytes(four()?)),
-        FieldType::I32le => f64::from(i32::from_le_bytes(four()?)),
-        FieldType::I32be => f64::from(i32::from_be_bytes(four()?)),
-        FieldType::F32le => f64::from(f32::from_le_bytes(four()?)),
+        NumberType::U8 => f64::from(bytes[0]),
+        NumberType::I8 => f64::from(bytes[0].cast_signed()),
+        NumberType::U16le => f64::from(u16::from_le_bytes(two()?)),
+        NumberType::I16le => f64::from(i16::from_le_bytes(two()?)),
+        NumberType::U16be => f64::from(u16::from_be_bytes(two()?)),
+        NumberType::I16be => f64::from(i16::from_be_bytes(two()?)),
+        NumberType::U32le => f64::from(u32::from_le_bytes(four()?)),
+        NumberType::I32le => f64::from(i32::from_le_bytes(four()?)),
+        NumberType::I32be => f64::from(i32::from_be_bytes(four()?)),
+        NumberType::F32le => f64::from(f32::from_le_bytes(four()?)),
     })
 }
 

@@ -10,10 +10,10 @@ pub mod ypr;
 pub(crate) mod tests;
 
 use super::description::FrameTable;
-use super::gates::{Gates, Verdict};
+use super::gates::{GateVerdict, Gates};
 use super::sample::{WireCounts, WireSample};
 use crate::model::time::Timestamp;
-use resync::{Look, Window};
+use resync::{ByteWindow, WireLook};
 
 /// A protocol over a line of bytes.
 #[derive(Clone, Debug)]
@@ -55,15 +55,15 @@ impl Protocol {
 
 /// The reader of one protocol, with what it remembers between frames.
 #[derive(Clone, Debug)]
-enum Reader {
+enum ProtocolReader {
     Rvc,
-    WitMotion(witmotion::Group),
+    WitMotion(witmotion::FrameGroup),
     Ypr,
     Described(FrameTable),
 }
 
-impl Reader {
-    fn look(&mut self, bytes: &[u8], arrival: Timestamp) -> Look {
+impl ProtocolReader {
+    fn look(&mut self, bytes: &[u8], arrival: Timestamp) -> WireLook {
         match self {
             Self::Rvc => rvc::look(bytes, arrival),
             Self::WitMotion(group) => group.look(bytes, arrival),
@@ -76,8 +76,8 @@ impl Reader {
 /// Turns the bytes of one wire into samples.
 #[derive(Clone, Debug)]
 pub struct Wire {
-    reader: Reader,
-    window: Window,
+    reader: ProtocolReader,
+    window: ByteWindow,
     gates: Gates,
     counts: WireCounts,
 }
@@ -86,14 +86,14 @@ impl Wire {
     /// Takes the protocol and the sensor's samples a second.
     pub fn new(protocol: &Protocol, rate_hz: f64) -> Self {
         let reader = match protocol {
-            Protocol::Rvc => Reader::Rvc,
-            Protocol::WitMotion => Reader::WitMotion(witmotion::Group::default()),
-            Protocol::Ypr => Reader::Ypr,
-            Protocol::Described(table) => Reader::Described(table.clone()),
+            Protocol::Rvc => ProtocolReader::Rvc,
+            Protocol::WitMotion => ProtocolReader::WitMotion(witmotion::FrameGroup::default()),
+            Protocol::Ypr => ProtocolReader::Ypr,
+            Protocol::Described(table) => ProtocolReader::Described(table.clone()),
         };
         Self {
             reader,
-            window: Window::default(),
+            window: ByteWindow::default(),
             gates: Gates::new(1.0 / rate_hz),
             counts: WireCounts::default(),
         }
@@ -112,25 +112,25 @@ impl Wire {
     fn read_frames(&mut self, arrival: Timestamp, out: &mut impl FnMut(WireSample)) {
         while !self.window.bytes().is_empty() {
             let step = match self.reader.look(self.window.bytes(), arrival) {
-                Look::More => return,
-                Look::Nothing => 1,
-                Look::WrongSum => {
+                WireLook::More => return,
+                WireLook::Nothing => 1,
+                WireLook::WrongSum => {
                     self.counts.wrong_sums += 1;
                     1
                 }
-                Look::Part(length) => {
+                WireLook::Part(length) => {
                     self.window.skip(length);
                     continue;
                 }
-                Look::Sample(length, sample) => match self.gates.judge(&sample) {
-                    Verdict::Follows => {
+                WireLook::Sample(length, sample) => match self.gates.judge(&sample) {
+                    GateVerdict::Follows => {
                         self.counts.samples += 1;
                         out(sample);
                         self.window.skip(length);
                         continue;
                     }
                     // A frame that is none may have eaten the beginning of a true one.
-                    Verdict::HeldBack | Verdict::Impossible => {
+                    GateVerdict::HeldBack | GateVerdict::Impossible => {
                         self.counts.caught += 1;
                         1
                     }

@@ -10,7 +10,7 @@ const CAPACITY: usize = 1024;
 
 /// What a reader sees at the beginning of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Look {
+pub enum WireLook {
     /// A frame may begin here; more bytes are needed.
     More,
     /// No frame begins here.
@@ -25,19 +25,19 @@ pub enum Look {
 
 /// The bytes that no frame has been made of yet.
 #[derive(Clone, Debug)]
-pub struct Window {
+pub struct ByteWindow {
     bytes: [u8; CAPACITY],
     begin: usize,
     end: usize,
 }
 
-impl Default for Window {
+impl Default for ByteWindow {
     fn default() -> Self {
         Self { bytes: [0; CAPACITY], begin: 0, end: 0 }
     }
 }
 
-impl Window {
+impl ByteWindow {
     /// Takes as many bytes as there is room for; returns the rest.
     pub fn fill<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         // What waits is shorter than a frame, so there is always room after this.

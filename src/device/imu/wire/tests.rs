@@ -2,7 +2,7 @@ mod logs;
 pub(crate) mod made;
 
 use super::*;
-use crate::imu::sample::Stamp;
+use crate::imu::sample::SampleStamp;
 use crate::math::dice::Dice;
 use glam::DVec3;
 use made::{KINDS, RATE_HZ, frame, protocol};
@@ -56,16 +56,18 @@ fn known_frames_mean_what_the_makers_say() {
     // Yaw 90 degrees, pitch 0, roll 0, 1 g along z.
     let mut bytes = vec![0xAA, 0xAA, 7, 0x28, 0x23, 0, 0, 0, 0, 0, 0, 0, 0, 0xE8, 0x03, 0, 0, 0];
     bytes.push(resync::sum8(&bytes[2..]));
-    let Look::Sample(19, sample) = rvc::look(&bytes, time(1)) else { panic!("no sample") };
-    assert_eq!(sample.stamp, Stamp::Count { value: 7, modulus: 256 });
+    let WireLook::Sample(19, sample) = rvc::look(&bytes, time(1)) else { panic!("no sample") };
+    assert_eq!(sample.stamp, SampleStamp::Count { value: 7, modulus: 256 });
     assert!((sample.orientation.unwrap() * DVec3::X).abs_diff_eq(DVec3::Y, 1e-12));
     assert!((sample.accel_m_s2.unwrap()[2] - 9.80665).abs() < 1e-12);
     // Razor's z is down: a turn to the right is positive, and pitch up lifts x.
-    let Look::Sample(_, sample) = ypr::look(b"#YPR=90.00,0.00,0.00\r\n", time(1)) else {
+    let WireLook::Sample(_, sample) = ypr::look(b"#YPR=90.00,0.00,0.00\r\n", time(1)) else {
         panic!("no sample")
     };
     assert!((sample.orientation.unwrap() * DVec3::X).abs_diff_eq(DVec3::NEG_Y, 1e-12));
-    let Look::Sample(_, sample) = ypr::look(b"#YPR=0.00,30.00,0.00\n", time(1)) else { panic!("no sample") };
+    let WireLook::Sample(_, sample) = ypr::look(b"#YPR=0.00,30.00,0.00\n", time(1)) else {
+        panic!("no sample")
+    };
     assert!(((sample.orientation.unwrap() * DVec3::X).z - 0.5).abs() < 1e-12);
     for line in [
         "#YPR=1,2\n",
@@ -75,7 +77,7 @@ fn known_frames_mean_what_the_makers_say() {
         "#YPR=+1,2,3\n",
         "#YPR=,,\n",
     ] {
-        assert_eq!(ypr::look(line.as_bytes(), time(1)), Look::Nothing, "{line}");
+        assert_eq!(ypr::look(line.as_bytes(), time(1)), WireLook::Nothing, "{line}");
     }
 }
 

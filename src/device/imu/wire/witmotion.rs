@@ -5,7 +5,7 @@
 //! roll, pitch, yaw (180 degrees), 0x59 quaternion w, x, y, z (1), each a signed 16 bits with the low byte first, of 32,768.
 //! Angles turn about z, then y, then x; z is up. There is no index: the order of the kinds stands in for it.
 
-use super::resync::{Look, i16_at, sum8};
+use super::resync::{WireLook, i16_at, sum8};
 use crate::imu::sample::{GRAVITY_M_S2, WireSample, z_up_from_yaw_pitch_roll};
 use crate::model::time::Timestamp;
 use glam::DQuat;
@@ -17,7 +17,7 @@ const KINDS: std::ops::RangeInclusive<u8> = 0x50..=0x5A;
 
 /// The frames of one moment.
 #[derive(Clone, Debug)]
-pub struct Group {
+pub struct FrameGroup {
     sample: WireSample,
     /// Kinds seen in this group, a bit each; those of the group before; those of a whole one.
     kinds: u16,
@@ -25,22 +25,22 @@ pub struct Group {
     whole: u16,
 }
 
-impl Default for Group {
+impl Default for FrameGroup {
     fn default() -> Self {
         Self { sample: WireSample::empty(Timestamp(0)), kinds: 0, before: 0, whole: 0 }
     }
 }
 
-impl Group {
+impl FrameGroup {
     /// Looks for a frame at the beginning of these bytes; the last frame of a group has the sample.
-    pub fn look(&mut self, bytes: &[u8], arrival: Timestamp) -> Look {
+    pub fn look(&mut self, bytes: &[u8], arrival: Timestamp) -> WireLook {
         let is_head = bytes.first() == Some(&0x55) && bytes.get(1).is_none_or(|kind| KINDS.contains(kind));
         if !is_head {
-            return Look::Nothing;
+            return WireLook::Nothing;
         }
-        let Some(frame) = bytes.get(..LENGTH) else { return Look::More };
+        let Some(frame) = bytes.get(..LENGTH) else { return WireLook::More };
         if sum8(&frame[..LENGTH - 1]) != frame[LENGTH - 1] {
-            return Look::WrongSum;
+            return WireLook::WrongSum;
         }
         let bit = 1u16 << (frame[1] - KINDS.start());
         if self.kinds >= bit {
@@ -48,14 +48,14 @@ impl Group {
         }
         self.kinds |= bit;
         if !self.put(frame) {
-            return Look::Nothing;
+            return WireLook::Nothing;
         }
         if self.kinds != self.whole || (self.sample.orientation.is_none() && self.sample.gyro_rad_s.is_none())
         {
-            return Look::Part(LENGTH);
+            return WireLook::Part(LENGTH);
         }
         let sample = WireSample { arrival, ..self.sample };
-        Look::Sample(LENGTH, sample)
+        WireLook::Sample(LENGTH, sample)
     }
 
     /// Ends a group. Two groups of the same kinds in a row say what a whole one is.

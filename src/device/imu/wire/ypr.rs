@@ -3,7 +3,7 @@
 //! Source: the Razor AHRS firmware's documentation: x ahead, y right, z down; angles turn about z, then y, then x. The lines
 //! have no checksum: three numbers with as many decimals each, angles within their ranges, and the gates stand in for it.
 
-use super::resync::Look;
+use super::resync::WireLook;
 use crate::imu::sample::{WireSample, z_up_from_yaw_pitch_roll};
 use crate::model::time::Timestamp;
 use glam::DQuat;
@@ -14,21 +14,21 @@ const HEAD: &[u8] = b"#YPR=";
 const LONGEST: usize = 48;
 
 /// Looks for a line at the beginning of these bytes.
-pub fn look(bytes: &[u8], arrival: Timestamp) -> Look {
+pub fn look(bytes: &[u8], arrival: Timestamp) -> WireLook {
     if bytes.iter().zip(HEAD).any(|(byte, head)| byte != head) {
-        return Look::Nothing;
+        return WireLook::Nothing;
     }
     let Some(end) = bytes.iter().take(LONGEST).position(|byte| *byte == b'\n') else {
         let is_broken = bytes.len() >= LONGEST || bytes[1..].contains(&b'#');
-        return if is_broken { Look::Nothing } else { Look::More };
+        return if is_broken { WireLook::Nothing } else { WireLook::More };
     };
     let angles = bytes.get(HEAD.len()..end).and_then(|line| std::str::from_utf8(line).ok()).and_then(angles);
-    let Some([yaw, pitch, roll]) = angles else { return Look::Nothing };
+    let Some([yaw, pitch, roll]) = angles else { return WireLook::Nothing };
     let down_from_sensor = z_up_from_yaw_pitch_roll(yaw, pitch, roll);
     let up_from_down = DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
     let sample =
         WireSample { orientation: Some(up_from_down * down_from_sensor), ..WireSample::empty(arrival) };
-    Look::Sample(end + 1, sample)
+    WireLook::Sample(end + 1, sample)
 }
 
 /// Yaw, pitch and roll in degrees.

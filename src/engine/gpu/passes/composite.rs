@@ -7,14 +7,14 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::Exchange,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, source},
         params::CompositeParams,
     },
     plan::{Pass, Product},
 };
 
 /// `compose/composite`: one invocation a pixel.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::Composite,
     sources: &[source!("compose/composite")],
     entries: &["composite"],

@@ -5,7 +5,7 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
         context::GpuContext,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, source},
         params::MergeParams,
         recorder::{Gpu, GpuRecorder},
     },
@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// `hdr/merge_bracket`: one invocation for four pixels (three words of packed bytes).
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::MergeBracket,
     sources: &[source!("hdr/merge_bracket")],
     entries: &["merge"],

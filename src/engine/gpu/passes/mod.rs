@@ -15,7 +15,7 @@ mod turns;
 pub mod unwrap_ball;
 
 use super::{
-    context::GpuContext, device_scene::DeviceScene, exchange::Exchange, kernel::Kernel,
+    context::GpuContext, device_scene::DeviceScene, exchange::Exchange, kernel::KernelRow,
     point_pages::MapSpread, recorder::GpuRecorder,
 };
 use crate::{
@@ -54,7 +54,7 @@ pub trait DevicePass: Send {
 macro_rules! kernels {
     (measure: [$($measuring:ident,)*] draw: [$($drawing:ident: $pass:ident,)*]) => {
         /// THE TABLE: one row a kernel, in the order of `Pass::ALL`. `tests/shaders.rs` checks every row without a GPU.
-        pub const TABLE: [&Kernel; Pass::ALL.len()] = [$(&$measuring::KERNEL,)* $(&$drawing::KERNEL,)*];
+        pub const TABLE: [&KernelRow; Pass::ALL.len()] = [$(&$measuring::KERNEL,)* $(&$drawing::KERNEL,)*];
 
         /// Compiles the kernel of a pass that draws.
         pub fn compile(pass: Pass, context: &GpuContext) -> Result<Box<dyn DevicePass>, EngineError> {

@@ -7,7 +7,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::{Exchange, SHADOW_MAP_FORMAT},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, Resource, source},
         params,
         recorder::{Targets, cleared},
         scene::DeviceMesh,
@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// `visibility/point_maps`: depths of the stand-ins from many lights at once, an instance and a tile each.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::PointMaps,
     sources: &[source!("shared/point_camera"), source!("visibility/point_maps")],
     entries: &["vertex", "fragment"],

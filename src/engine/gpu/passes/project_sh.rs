@@ -5,7 +5,7 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback},
         context::GpuContext,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, source},
         params::ProjectParams,
         recorder::{Gpu, GpuRecorder},
     },
@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// `light/project_sh`: partial sums of 256 samples each, then one workgroup for each coefficient.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::ProjectSh,
     sources: &[source!("shared/sh_basis"), source!("light/project_sh")],
     entries: &["partial_sums", "total"],

@@ -7,7 +7,7 @@ use crate::{
     gpu::{
         context::GpuContext,
         exchange::{Exchange, OBJECT_LAYER_FORMAT},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, Resource, source},
         params::{self, ObjectVertex, SurfaceVertex},
         recorder::{Targets, cleared},
         scene::MATERIAL_STRIDE,
@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// `compose/shade_object`: real surfaces and objects into the depth, then objects, four samples a pixel.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::ShadeObject,
     sources: &[
         source!("shared/lens"),

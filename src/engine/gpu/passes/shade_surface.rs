@@ -7,7 +7,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::{Exchange, RATIOS_FORMAT, untouched},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, source},
         params::{self, SurfaceVertex},
         recorder::{Targets, cleared},
         textures::KeptTexture,
@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// `compose/shade_surface`: the nearest real surface at each pixel's centre, as a ratio.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::ShadeSurface,
     sources: &[
         source!("shared/lens"),

@@ -7,7 +7,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::{Exchange, SHADOW_MAP_FORMAT},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, Resource, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, Resource, source},
         params,
         recorder::{Targets, cleared},
         textures::KeptTexture,
@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// `visibility/shadow_maps`: depth along the light, as bits in an integer target.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::ShadowMaps,
     sources: &[source!("shared/shadow_camera"), source!("visibility/shadow_maps")],
     entries: &["vertex", "fragment"],

@@ -8,7 +8,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::{Exchange, RATIOS_FORMAT},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, source},
         params::{self, SurfaceVertex},
         recorder::{Targets, cleared},
         textures::KeptTexture,
@@ -21,7 +21,7 @@ use crate::{
 
 /// `compose/soft_shadow`: the nearest real surface at the centres of a coarse picture; `fragment` is the rung `directions`.
 /// At vertices the vertex stages evaluate, and `interpolated` hands on.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::SoftShadow,
     sources: &[
         source!("shared/lens"),

@@ -10,7 +10,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::{Exchange, RATIOS_FORMAT, untouched},
-        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, Drawing, KernelRow, source},
         params,
         point_pages::MapSpread,
         recorder::{Targets, cleared},
@@ -21,7 +21,7 @@ use crate::{
 
 /// `nearfield/subtract`: the nearest triangle of the room at each pixel's centre, as a ratio. `fragment` loops over its
 /// lights; the others draw one light after the other, as in [Gib03].
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::Subtract,
     sources: &[
         source!("shared/lens"),

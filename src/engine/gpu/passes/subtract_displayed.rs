@@ -11,7 +11,7 @@ use crate::{
     gpu::{
         context::GpuContext,
         exchange::Exchange,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, Resource, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, Resource, source},
         params,
         room_lights::{self, LISTED_A_ROW, LISTED_TEXELS, ROWS, RoomLights, TAKEN},
         textures::KeptTexture,
@@ -22,7 +22,7 @@ use crate::{
 
 /// `nearfield/subtract_displayed`: what the display shows of the room, one light after the other subtracted from it, and what
 /// is left as a ratio; with the functions of `nearfield/subtract`, whose own fragment stages are not used.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::SubtractDisplayed,
     sources: &[
         source!("shared/lens"),

@@ -8,7 +8,7 @@ use crate::{
         buffers::GrowingBuffer,
         context::GpuContext,
         exchange::Exchange,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, source},
         params::TonemapParams,
         textures::KeptTexture,
     },
@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// `compose/tonemap`: one invocation for four pixels.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::Tonemap,
     sources: &[source!("compose/tonemap")],
     entries: &["tonemap"],

@@ -5,7 +5,7 @@ use crate::{
     gpu::{
         buffers::{GrowingBuffer, Readback},
         context::GpuContext,
-        kernel::{Binding, BindingKind, BoundGroup, Built, Kernel, source},
+        kernel::{Binding, BindingKind, BoundGroup, Built, KernelRow, source},
         params::UnwrapParams,
         recorder::{Gpu, GpuRecorder},
     },
@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// `light/unwrap_ball`: one invocation a pixel of the ball's region.
-pub const KERNEL: Kernel = Kernel {
+pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::UnwrapBall,
     sources: &[source!("light/unwrap_ball")],
     entries: &["unwrap"],

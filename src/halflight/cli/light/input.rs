@@ -7,7 +7,7 @@ use crate::{
     engine::Engine,
     hdr::{
         merge_bracket::MAX_PICTURES,
-        response::{Origin, SolveOptions, solve},
+        response::{ResponseOrigin, SolveOptions, solve},
     },
     model::{image::HdrImage, response::Response},
 };
@@ -64,12 +64,12 @@ fn choose_response(
         "solve" => {
             let recovered = solve(&bracket.refs(), &bracket.exposures, &SolveOptions::default());
             match recovered.origin {
-                Origin::Solved { residual_rms } => {
+                ResponseOrigin::Solved { residual_rms } => {
                     notes.push(format!(
                         "response solved from the bracket, rms {residual_rms:.3} in ln exposure"
                     ));
                 }
-                Origin::Fallback { why } => {
+                ResponseOrigin::Fallback { why } => {
                     notes.push(format!("warning: response not solved ({why}); sRGB stands in"));
                 }
             }

@@ -11,7 +11,7 @@ use crate::model::{
     light::{HardLight, Lights, RadianceSamples},
     picture::Picture,
 };
-use crate::visibility::shadow_maps::{EMPTY_DEPTH, ShadowMaps};
+use crate::visibility::shadow_maps::{EMPTY_DEPTH, ShadowMapSet};
 use glam::DVec3;
 
 /// Pixels between panels.
@@ -141,7 +141,7 @@ fn mark(light: &HardLight, [x0, y0]: [usize; 2], [columns, rows]: [usize; 2], ou
 
 /// Depths of all shadow maps in one sheet, in their order, each cut to what is in it: near white, far gray, blue where
 /// nothing is.
-pub fn maps(shadows: &ShadowMaps, size: [usize; 2], out: &mut Picture) {
+pub fn maps(shadows: &ShadowMapSet, size: [usize; 2], out: &mut Picture) {
     let [width, height] = size;
     out.radiance.reshape(width, height, FRAME);
     out.radiance.pixels_mut().fill(FRAME);

@@ -2,7 +2,7 @@
 use super::*;
 use crate::math::{dice::Dice, lens::Distortion};
 use crate::model::light::HardLight;
-use crate::visibility::shadow_maps::{EDGE_TEXELS, ShadowCamera, ShadowMaps, axes};
+use crate::visibility::shadow_maps::{EDGE_TEXELS, ShadowCamera, ShadowMapSet, axes};
 
 const TEXELS: u32 = 512;
 const BENT: Distortion = Distortion::RadialTangential([-0.28, 0.07, 0.001, -0.0005, 0.0, 0.0, 0.0, 0.0]);
@@ -177,7 +177,7 @@ fn a_shadow_seen_from_close_by_is_drawn_finer() {
     let mut seen = on_ground(10.0, 1);
     seen.see(&lens, &pose, std::iter::empty());
     let error = |receivers: &Receivers| {
-        let mut maps = ShadowMaps::default();
+        let mut maps = ShadowMapSet::default();
         maps.fit(&hard, &board, &triangles, receivers, 1024, 4);
         maps.draw(&board, &triangles);
         let (mut sum, mut dark) = (0.0, 0);
@@ -210,7 +210,7 @@ fn a_light_under_the_horizon_of_all_that_is_seen_has_no_map() {
     };
     let lights = [light(0.2, 1.0), light(0.2, -1.0), light(0.5, -1.0), light(1.0, 0.05)];
     let mut receivers = on_ground(3.0, 1);
-    let mut maps = ShadowMaps::default();
+    let mut maps = ShadowMapSet::default();
     let mut has_map = |pose: &Pose, bodies: &[ShadowedBody]| {
         receivers.see(&lens(Distortion::None), pose, bodies.iter().copied());
         maps.fit(&lights, &casters, &triangles, &receivers, 256, 4);

@@ -30,17 +30,17 @@ pub fn protocol(kind: &str) -> Protocol {
 }
 
 /// Angles in degrees, rates in rad/s, forces in g of a moment; with the noise of a good sensor.
-struct Moment {
+struct SensorMoment {
     yaw_pitch_roll: [f64; 3],
     gyro: [f64; 3],
     accel_g: [f64; 3],
 }
 
-fn moment(k: usize, dice: &mut Dice) -> Moment {
+fn moment(k: usize, dice: &mut Dice) -> SensorMoment {
     let t = k as f64 / RATE_HZ;
     let wave = |size: f64, hz: f64, phase: f64| size * (std::f64::consts::TAU * hz * t + phase).sin();
     let mut noisy = |value: f64, sigma: f64| value + sigma * dice.normal();
-    Moment {
+    SensorMoment {
         yaw_pitch_roll: [
             noisy(wave(40.0, 0.31, 0.4), 0.02),
             noisy(wave(20.0, 0.47, 1.0), 0.02),
