@@ -7,7 +7,7 @@
 use super::thumbnail::Thumbnail;
 use crate::hdr::{
     attribute::{Tolerance, check_exposures},
-    response::{LEAST_EXPOSURE_RATIO, Origin, SolveOptions, solve},
+    response::{LEAST_EXPOSURE_RATIO, ResponseOrigin, SolveOptions, solve},
 };
 use crate::model::{frame::Exposure, image::Rgb8Image, response::Response};
 use std::sync::Arc;
@@ -185,13 +185,13 @@ fn solved(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<Response, S
     let options = SolveOptions { log_exposure_at_128, ..SolveOptions::default() };
     let found = solve(pictures, exposures, &options);
     match found.origin {
-        Origin::Fallback { why } => return Err(why),
-        Origin::Solved { residual_rms } if !(residual_rms <= WORST_RESIDUAL) => {
+        ResponseOrigin::Fallback { why } => return Err(why),
+        ResponseOrigin::Solved { residual_rms } if !(residual_rms <= WORST_RESIDUAL) => {
             return Err(format!(
                 "the scene or its light moved (residual {residual_rms:.2} in ln exposure, at most {WORST_RESIDUAL} is allowed)"
             ));
         }
-        Origin::Solved { .. } => {}
+        ResponseOrigin::Solved { .. } => {}
     }
     let check = check_exposures(pictures, exposures, &found.response, Tolerance::KNOWN_RESPONSE);
     if check.sound() { Ok(found.response) } else { Err("its exposures are not what it says".to_owned()) }
