@@ -9,6 +9,7 @@
 
 use crate::bracket::{
     Attribution, FrameSeen, Report, Scheduler, Thumbnail, ThumbnailReader,
+    plan::{Limits, Mains, Planner},
     response::{ResponseSearch, SearchStep},
 };
 use crate::developed::{CaptureSource, DevelopedCamera};
@@ -40,6 +41,11 @@ pub trait ExposureControl {
 
     /// Returns whether exposures can be written at all.
     fn can_be_written(&self) -> bool;
+
+    /// What can be asked of its exposure, at gain 1; `None` where that is not known. `gain` and `mains` are filled in by who plans.
+    fn exposure_limits(&self) -> Option<Limits> {
+        None
+    }
 
     /// Returns whether the driver's times are the start of an exposure; else they are its end.
     fn times_are_starts(&self) -> bool;
@@ -85,6 +91,13 @@ impl CameraResponse {
     }
 }
 
+/// How exposures are fitted to the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Replan {
+    /// Lamps that must not flicker.
+    pub mains: Option<Mains>,
+}
+
 /// What became of the frames so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BracketCounts {
@@ -107,11 +120,15 @@ pub struct BracketedCamera<S> {
     newest: Option<Timestamp>,
     unsure_in_a_row: u32,
     counts: BracketCounts,
+    /// Frames at the front of `ready` that the planner has seen.
+    planned: usize,
     to_find: Option<FoundResponse>,
     search: Option<ResponseSearch>,
     found: Option<Arc<Response>>,
     /// The exposures that were asked for.
     cycle: Vec<Exposure>,
+    replan: Option<Replan>,
+    planner: Option<Planner>,
     /// Frames until the response is looked for again, and how many it will be the next time.
     search_again: Option<u32>,
     next_pause: u32,
@@ -131,6 +148,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             newest: None,
             unsure_in_a_row: 0,
             counts: BracketCounts::default(),
+            planned: 0,
             to_find: match response {
                 CameraResponse::ToFind(found) => Some(found),
                 CameraResponse::Stated(_) => None,
@@ -138,9 +156,17 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             search: None,
             found: None,
             cycle: Vec::new(),
+            replan: None,
+            planner: None,
             search_again: None,
             next_pause: SEARCH_AGAIN_AFTER,
         }
+    }
+
+    /// Fits the exposures to the scene while the camera runs; `None`: they stay.
+    pub fn replanning(mut self, how: Option<Replan>) -> Self {
+        self.replan = how;
+        self
     }
 
     /// What became of the frames so far.
@@ -163,8 +189,50 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             return self.look_for_response(&frame);
         }
         self.attribute(frame)?;
+        self.fit_exposures()?;
         self.give_up_where_nothing_is_known();
         self.look_again_later()
+    }
+
+    /// Lets the planner look at the frames that are known by now, and goes over to its plan.
+    fn fit_exposures(&mut self) -> Result<(), DeviceError> {
+        let (Some(planner), Some(scheduler)) = (&mut self.planner, &mut self.scheduler) else {
+            return Ok(());
+        };
+        if scheduler.cycle().len() < 2 {
+            return Ok(());
+        }
+        let mut has_changed = false;
+        for frame in self.ready.iter().skip(self.planned) {
+            if planner.minds(frame.exposure) {
+                self.reader.read(&frame.pixels, &mut self.thumbnail);
+                has_changed |= planner.observe(frame.exposure, &self.thumbnail);
+            }
+        }
+        self.planned = self.ready.len();
+        if has_changed {
+            let wanted = planner.plan().to_vec();
+            let refused =
+                |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
+            scheduler.set_cycle(&wanted).map_err(refused)?;
+            let times: Vec<String> = wanted.iter().map(|e| format!("{:.2}", 1e3 * e.time_s)).collect();
+            tracing::info!("{}: exposures fitted to the scene: {} ms", self.device, times.join(", "));
+            self.cycle = wanted;
+        }
+        Ok(())
+    }
+
+    /// A planner that begins with the exposures in use.
+    fn begin_planning(&mut self) {
+        self.planner = None;
+        let (Some(replan), [first, _, ..]) = (self.replan, self.cycle.as_slice()) else { return };
+        let Some(limits) = self.camera.source_mut().exposure_limits() else { return };
+        let limits = Limits { gain: first.gain, mains: replan.mains, ..limits };
+        let response = self.camera.response().unwrap_or_else(Response::srgb);
+        match Planner::new(self.cycle.len(), limits, &response) {
+            Ok(planner) => self.planner = Some(planner.beginning_with(&self.cycle)),
+            Err(error) => tracing::warn!("{}: its exposures stay as they are: {error}", self.device),
+        }
     }
 
     fn attribute(&mut self, frame: RawFrame) -> Result<(), DeviceError> {
@@ -264,6 +332,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         self.scheduler = Some(Scheduler::new(&self.cycle).map_err(refused)?);
         self.waiting.clear();
         self.unsure_in_a_row = 0;
+        self.begin_planning();
         Ok(())
     }
 
@@ -309,6 +378,7 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
         let mut has_come = false;
         loop {
             while let Some(frame) = self.ready.pop_front() {
+                self.planned = self.planned.saturating_sub(1);
                 // Middles move by half an exposure, so two frames may change places.
                 if self.newest.is_none_or(|newest| frame.t_mid > newest) {
                     self.newest = Some(frame.t_mid);
@@ -341,6 +411,7 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
         match &mut self.scheduler {
             Some(scheduler) => {
                 scheduler.set_cycle(&taken).map_err(refused)?;
+                self.begin_planning();
                 return Ok(taken);
             }
             none => *none = Some(Scheduler::new(&taken).map_err(refused)?),
@@ -353,6 +424,7 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
                 None => self.begin_search()?,
             },
         }
+        self.begin_planning();
         Ok(taken)
     }
 

@@ -2,7 +2,7 @@
 
 use super::{
     Clock, CommandLink, DeviceError, Display, ErrorKind, FrameSource, ImuSource,
-    bracketed::CameraResponse,
+    bracketed::{CameraResponse, Replan},
     imu::{self, description::ImuDescription, names::ImuName, wire_log::WireLogWriter},
     null_display::NullDisplay,
     parameters::nearest,
@@ -43,6 +43,8 @@ pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
 pub struct CameraOptions {
     /// Its response, for cameras that do not state it themselves.
     pub response: CameraResponse,
+    /// How exposures are fitted to the scene; `None`: they stay.
+    pub replan: Option<Replan>,
 }
 
 /// As [`open`], with what else is known.
@@ -87,9 +89,9 @@ pub fn open_with(name: &str, options: CameraOptions) -> Result<OpenedDevices, De
 fn open_v4l2(rest: &str, options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
     let name = format!("v4l2:{rest}");
     let camera = super::v4l2::open(rest, Arc::new(MonotonicClock::default()))?;
-    let CameraOptions { response } = options;
+    let CameraOptions { response, replan } = options;
     let developed = DevelopedCamera::new(&name, camera, response.at_first(), SensorOptions::default())?;
-    let frames = Box::new(BracketedCamera::new(name, developed, response));
+    let frames = Box::new(BracketedCamera::new(name, developed, response).replanning(replan));
     Ok(OpenedDevices { frames, imu: None })
 }
 

@@ -157,6 +157,23 @@ impl Planner {
         Ok(planner)
     }
 
+    /// Takes these exposures for the plan until the scene asks for another; as many as the plan has.
+    pub fn beginning_with(mut self, cycle: &[Exposure]) -> Self {
+        if cycle.len() == self.count {
+            self.plan[..self.count].copy_from_slice(cycle);
+            self.plan[..self.count].sort_by(|a, b| a.effective_s().total_cmp(&b.effective_s()));
+        }
+        self
+    }
+
+    /// Returns whether frames of this exposure tell anything: those of the plan's ends.
+    pub fn minds(&self, exposure: Exposure) -> bool {
+        let log = exposure.effective_s().ln();
+        [self.plan[0], self.plan[self.count - 1]]
+            .iter()
+            .any(|end| (end.effective_s().ln() - log).abs() < 0.05)
+    }
+
     /// The plan: shortest exposure first.
     pub fn plan(&self) -> &[Exposure] {
         &self.plan[..self.count]

@@ -50,7 +50,7 @@ pub enum SearchStep {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
+enum LadderWay {
     Up,
     Down,
 }
@@ -63,7 +63,7 @@ struct HeldPicture {
 /// A search that goes on with each frame.
 pub struct ResponseSearch {
     held: Vec<HeldPicture>,
-    way: Way,
+    way: LadderWay,
     /// In force, or soon.
     current: Exposure,
     /// Frames since it was written.
@@ -83,7 +83,7 @@ impl ResponseSearch {
     pub fn new(start: Exposure, shortest_s: f64, longest_s: f64) -> Self {
         Self {
             held: Vec::with_capacity(MOST_HELD),
-            way: Way::Up,
+            way: LadderWay::Up,
             current: start,
             frames: 0,
             before: None,
@@ -143,12 +143,12 @@ impl ResponseSearch {
         let times = self.held.iter().map(|held| held.exposure.effective_s());
         let (shortest, longest) = times.fold((f64::INFINITY, 0.0f64), |(s, l), t| (s.min(t), l.max(t)));
         let gain = self.current.gain;
-        if self.way == Way::Up {
+        if self.way == LadderWay::Up {
             let wish_s = STEP * longest / gain;
             if goes_on && seen.saturated < MOST_SATURATED && wish_s <= self.longest_s {
                 return SearchStep::Write(Exposure { time_s: wish_s, gain });
             }
-            self.way = Way::Down;
+            self.way = LadderWay::Down;
         } else if !goes_on || seen.dark >= MOST_DARK {
             return SearchStep::Finish;
         }

@@ -1,6 +1,7 @@
 //! The loop around the scheduler on a simulated driver.
 
 mod finding;
+mod fitting;
 
 use super::*;
 use crate::Clock;
@@ -118,6 +119,17 @@ impl ExposureControl for SlowCamera {
 
     fn times_are_starts(&self) -> bool {
         true
+    }
+
+    fn exposure_limits(&self) -> Option<Limits> {
+        self.has_control.then_some(Limits {
+            least_s: 1e-4,
+            most_s: 0.5,
+            step_s: 1e-4,
+            frame_interval_s: 1.0 / 30.0,
+            gain: 1.0,
+            mains: None,
+        })
     }
 }
 

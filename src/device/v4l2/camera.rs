@@ -4,6 +4,7 @@ use super::control::{ExposureLimits, ManualExposure};
 use super::format::{self, FormatWish};
 use super::node::{Filled, Granted, VideoNode};
 use super::stream::{Stream, StreamCounts, StreamError, StreamedPicture};
+use crate::bracket::plan::Limits;
 use crate::math::lens::{Distortion, Lens};
 use crate::model::{
     frame::{CapturedFrame, Exposure},
@@ -200,6 +201,18 @@ impl<N: VideoNode> ExposureControl for V4l2Camera<N> {
 
     fn can_be_written(&self) -> bool {
         self.exposure.is_some()
+    }
+
+    fn exposure_limits(&self) -> Option<Limits> {
+        let limits = self.exposure.as_ref().map(ManualExposure::limits)?;
+        Some(Limits {
+            least_s: limits.shortest_s,
+            most_s: limits.longest_s,
+            step_s: limits.step_s,
+            frame_interval_s: 1.0 / self.frames_per_s.max(1.0),
+            gain: 1.0,
+            mains: None,
+        })
     }
 
     fn times_are_starts(&self) -> bool {

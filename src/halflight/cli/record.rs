@@ -5,11 +5,10 @@ use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
-use crate::daemon::prepare::{camera_response, open_named_imu};
+use crate::daemon::prepare::{camera_options, open_named_imu};
 use crate::daemon::{exit, stop_signals, version};
 use crate::device::bracketed::FoundResponse;
 use crate::device::clock::MonotonicClock;
-use crate::device::open::CameraOptions;
 use crate::device::primed::PrimedSource;
 use crate::device::record::{ImuRecorder, Recorder, Tape};
 use crate::device::recording::{PictureCoding, RecordingOrigin, RecordingWriter, Setup};
@@ -325,8 +324,10 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
     refuse_existing(&a.out, a.force)?;
     let mut settings_of = global.settings(None)?;
     settings_of.camera.clone_from(&device);
-    let response = camera_response(&settings_of, &FoundResponse::default())?;
-    let mut opened = open::open_with(&device, CameraOptions { response })?;
+    // Exposures that were asked for are kept.
+    settings_of.replan &= a.exposures_s.is_empty();
+    let options = camera_options(&settings_of, &FoundResponse::default())?;
+    let mut opened = open::open_with(&device, options)?;
     if !opened.frames.delivers_at_once() || !a.exposures_s.is_empty() {
         let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
         let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();

@@ -4,7 +4,7 @@ use super::presets::PRESET_NAMES;
 pub use super::range::Range;
 use super::range::real;
 use super::settings::{BackendKind, EngineKind, GrayWeights, RunMode, Settings};
-use super::values::{integer, number, optional, text, texts, word};
+use super::values::{integer, mains_of, mains_word, number, optional, text, texts, word};
 use crate::math::sh::zonal::PhongNorm;
 use crate::model::{
     blocker::Rung,
@@ -59,10 +59,7 @@ pub const KEYS: &[Key] = &[
         "",
         Range::Choice(&["realtime", "lockstep"]),
         "realtime: as time passes, the newest frame wins. lockstep: every frame, as fast as it goes, same result every time.",
-        |s| word(match s.mode {
-            RunMode::Realtime => "realtime",
-            RunMode::Lockstep => "lockstep",
-        }),
+        |s| word(if s.mode == RunMode::Lockstep { "lockstep" } else { "realtime" }),
         |s, v| s.mode = if text(v) == "lockstep" { RunMode::Lockstep } else { RunMode::Realtime }
     ),
     key!(
@@ -117,9 +114,25 @@ pub const KEYS: &[Key] = &[
         "camera.exposures_s",
         "s",
         Range::Reals(0.000_02, 1.0),
-        "Exposure times that the camera goes through in turn. Spread them by 4 to 8 (two to three stops) each; the shortest must not saturate in the light's reflection.",
+        "Exposure times that the camera goes through in turn, at first. Spread them by 4 to 8 (two to three stops) each; the shortest must not saturate in the light's reflection.",
         |s| Value::Array(s.exposures_s.iter().map(|&t| Value::Float(t)).collect()),
         |s, v| s.exposures_s = v.as_array().into_iter().flatten().map(number).collect()
+    ),
+    key!(
+        "camera.replan",
+        "",
+        Range::Switch,
+        "Fit the exposures to the scene while the camera runs: the longest lifts the shadows above noise, the shortest keeps the light's reflection. Off: exposures_s stays. Recordings have what they have.",
+        |s| Value::Boolean(s.replan),
+        |s, v| s.replan = v.as_bool().unwrap_or(true)
+    ),
+    key!(
+        "camera.mains",
+        "",
+        Range::Choice(&["any", "50 Hz", "60 Hz"]),
+        "Mains whose lamps must not flicker in the pictures: exposures of about 1/100 s (1/120 s) and more are made multiples of it. \"any\" = no care is taken.",
+        |s| word(mains_word(s.mains)),
+        |s, v| s.mains = mains_of(&text(v))
     ),
     key!(
         "camera.gain",
@@ -133,7 +146,7 @@ pub const KEYS: &[Key] = &[
         "camera.response",
         "",
         Range::Text,
-        "How exposure becomes 8 bits: \"device\" = as the device states (sRGB where it does not), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
+        "How exposure becomes 8 bits: \"device\" = as the device states (a camera that states nothing finds it from its own exposures at the start), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
         |s| word(&s.response),
         |s, v| s.response = text(v)
     ),
@@ -142,10 +155,7 @@ pub const KEYS: &[Key] = &[
         "",
         Range::Choice(&["cpu", "gpu"]),
         "Which engine computes: the CPU twins of all shaders, or the GPU.",
-        |s| word(match s.engine {
-            EngineKind::Cpu => "cpu",
-            EngineKind::Gpu => "gpu",
-        }),
+        |s| word(if s.engine == EngineKind::Gpu { "gpu" } else { "cpu" }),
         |s, v| s.engine = if text(v) == "gpu" { EngineKind::Gpu } else { EngineKind::Cpu }
     ),
     key!(

@@ -1,5 +1,6 @@
 //! Settings as meant.
 
+use crate::device::bracket::plan::Mains;
 use crate::model::{picture::PictureView, quality::Quality};
 
 /// All settings of the daemon. Built by `resolve`; every field lies within the range that `keys` states.
@@ -25,6 +26,10 @@ pub struct Settings {
     pub exposures_s: Vec<f64>,
     /// `camera.gain`
     pub gain: f64,
+    /// `camera.replan`
+    pub replan: bool,
+    /// `camera.mains`
+    pub mains: Option<Mains>,
     /// `camera.response`
     pub response: String,
     /// `engine.kind`
@@ -126,6 +131,8 @@ impl Default for Settings {
             link: String::new(),
             exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,
+            replan: true,
+            mains: None,
             response: "device".into(),
             engine: EngineKind::Cpu,
             backend: BackendKind::Auto,

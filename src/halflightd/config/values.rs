@@ -1,6 +1,7 @@
 //! Between TOML's values and those of settings.
 
 use super::range::real;
+use crate::device::bracket::plan::Mains;
 use toml::Value;
 
 /// A whole number; 0 for anything else.
@@ -31,4 +32,21 @@ pub(super) fn texts(words: &[String]) -> Value {
 /// One text.
 pub(super) fn word(word: &str) -> Value {
     Value::String(word.to_owned())
+}
+/// `camera.mains` in words.
+pub(super) fn mains_word(mains: Option<Mains>) -> &'static str {
+    match mains {
+        None => "any",
+        Some(Mains::Hz50) => "50 Hz",
+        Some(Mains::Hz60) => "60 Hz",
+    }
+}
+
+/// `camera.mains` from words; none for anything else.
+pub(super) fn mains_of(text: &str) -> Option<Mains> {
+    match text {
+        "50 Hz" => Some(Mains::Hz50),
+        "60 Hz" => Some(Mains::Hz60),
+        _ => None,
+    }
 }

@@ -4,7 +4,7 @@ use super::{cache_folder, dress, engines, governing::governor_of, host::Host, kn
 use crate::assets::scene::{self as scene_file, SceneFile};
 use crate::config::file;
 use crate::config::settings::{GrayWeights, Settings};
-use crate::device::bracketed::{CameraResponse, FoundResponse};
+use crate::device::bracketed::{CameraResponse, FoundResponse, Replan};
 use crate::device::imu::description::ImuDescription;
 use crate::device::open::{CameraOptions, ImuOptions};
 use crate::device::{Clock, DeviceError, ErrorKind, FrameSource, ImuSource, clock::MonotonicClock, open};
@@ -81,20 +81,22 @@ pub fn prepare_with(
 
 /// Opens the camera of the settings and asks for their exposures. `found` is what is known of its response from before.
 pub fn open_camera(settings: &Settings, found: &FoundResponse) -> Result<OpenedCamera, DeviceError> {
-    let response = camera_response(settings, found)?;
-    let open::OpenedDevices { mut frames, imu } =
-        open::open_with(&settings.camera, CameraOptions { response })?;
+    let options = camera_options(settings, found)?;
+    let open::OpenedDevices { mut frames, imu } = open::open_with(&settings.camera, options)?;
     let wanted: Vec<Exposure> =
         settings.exposures_s.iter().map(|&time_s| Exposure { time_s, gain: settings.gain }).collect();
     let cycle = frames.set_exposures(&wanted)?;
     Ok(OpenedCamera { frames, imu, cycle, found: found.clone() })
 }
 
-/// What the settings say of a camera's response: a camera that states none finds its own where they leave it to the device.
-pub fn camera_response(settings: &Settings, found: &FoundResponse) -> Result<CameraResponse, DeviceError> {
+/// What the settings say of a camera. One that states no response finds its own where they leave it to the device.
+pub fn camera_options(settings: &Settings, found: &FoundResponse) -> Result<CameraOptions, DeviceError> {
     let refused = |why: String| DeviceError::new(&settings.camera, why, ErrorKind::Refused);
     let stated = stated_response(settings).map_err(|e| refused(e.to_string()))?;
-    Ok(stated.map_or_else(|| CameraResponse::ToFind(found.clone()), CameraResponse::Stated))
+    Ok(CameraOptions {
+        response: stated.map_or_else(|| CameraResponse::ToFind(found.clone()), CameraResponse::Stated),
+        replan: settings.replan.then_some(Replan { mains: settings.mains }),
+    })
 }
 
 /// Opens the inertial sensor that the settings name.

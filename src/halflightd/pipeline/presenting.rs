@@ -2,6 +2,7 @@
 
 use super::Options;
 use crate::animate::posed::Posed;
+use crate::device::bracket::MOST_EXPOSURES;
 use crate::engine::{Engine, EngineError, RelightInput};
 use crate::light::prefilter::WantedEnvironment;
 use crate::math::{lens::Lens, pose::Pose};
@@ -290,30 +291,67 @@ impl Presenting {
 const WELL_EXPOSED: f64 = 110.0;
 
 /// Which exposure the shown picture has: the one that was asked for, else the longest of the cycle (never black) until one cycle has been seen, then
-/// the best exposed one.
+/// the best exposed one. Where a camera goes over to other exposures the choice is made anew, and is gone over to slowly.
 struct ShownExposure {
     asked: Option<Exposure>,
     chosen: Exposure,
+    /// Where `chosen` goes.
+    goal: Exposure,
     best: Exposure,
     /// Frames still to be looked at before the choice is made.
     frames_left: usize,
     /// How far the best exposure's picture was from well exposed.
     miss: f64,
+    /// ln of the exposures that the choice was made from.
+    known: [f64; MOST_EXPOSURES],
+    in_cycle: usize,
+    /// A choice was made before.
+    has_chosen: bool,
 }
+
+/// Exposures nearer than this, ln, are one.
+const SAME_EXPOSURE: f64 = 0.02;
+/// Share of the way to another exposure that is gone with each frame.
+const GOES_OVER: f64 = 0.1;
 
 impl ShownExposure {
     fn new(options: &Options) -> Self {
         let chosen = options.shown_exposure.unwrap_or(options.longest_exposure);
-        let frames_left =
-            if options.shown_exposure.is_some() { 0 } else { options.exposures_in_cycle.max(1) };
-        Self { asked: options.shown_exposure, chosen, best: chosen, frames_left, miss: f64::INFINITY }
+        let in_cycle = options.exposures_in_cycle.clamp(1, MOST_EXPOSURES);
+        let frames_left = if options.shown_exposure.is_some() { 0 } else { in_cycle };
+        Self {
+            asked: options.shown_exposure,
+            chosen,
+            goal: chosen,
+            best: chosen,
+            frames_left,
+            miss: f64::INFINITY,
+            known: [f64::NAN; MOST_EXPOSURES],
+            in_cycle,
+            has_chosen: frames_left == 0,
+        }
     }
 
     fn see(&mut self, frame: &RawFrame) {
-        if self.frames_left == 0 {
-            return;
+        let log = frame.exposure.effective_s().ln();
+        let is_known = self.known.iter().any(|known| (known - log).abs() <= SAME_EXPOSURE);
+        if self.frames_left == 0 && self.asked.is_none() && self.in_cycle > 1 && !is_known {
+            (self.frames_left, self.miss) = (self.in_cycle, f64::INFINITY);
+            self.known = [f64::NAN; MOST_EXPOSURES];
         }
-        self.frames_left -= 1;
+        if self.frames_left > 0 {
+            self.frames_left -= 1;
+            self.known[self.frames_left] = log;
+            self.judge(frame);
+            if self.frames_left == 0 {
+                self.goal = self.best;
+            }
+        }
+        self.go_over(self.has_chosen);
+        self.has_chosen |= self.frames_left == 0;
+    }
+
+    fn judge(&mut self, frame: &RawFrame) {
         let pixels = frame.pixels.pixels();
         // Every 61st pixel says enough about the mean.
         let (mut sum, mut count) = (0.0, 0.0);
@@ -326,8 +364,59 @@ impl ShownExposure {
             self.miss = miss;
             self.best = frame.exposure;
         }
-        if self.frames_left == 0 {
-            self.chosen = self.best;
+    }
+
+    /// The first choice is taken at once.
+    fn go_over(&mut self, slowly: bool) {
+        let left = (self.goal.effective_s() / self.chosen.effective_s()).ln();
+        if !slowly || !(left.abs() > SAME_EXPOSURE) {
+            self.chosen = self.goal;
+        } else {
+            self.chosen = Exposure { time_s: self.chosen.time_s * (GOES_OVER * left).exp(), ..self.chosen };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::image::Rgb8Image;
+    use std::sync::Arc;
+
+    fn frame(time_s: f64, light: f64) -> RawFrame {
+        let value = (255.0 * (light * time_s).powf(1.0 / 2.2)).clamp(0.0, 255.0) as u8;
+        RawFrame {
+            sequence: 0,
+            t_mid: Timestamp(0),
+            exposure: Exposure { time_s, gain: 1.0 },
+            pixels: Arc::new(Rgb8Image::filled(64, 8, [value; 3])),
+            row_time_s: 0.0,
+            response: None,
+        }
+    }
+
+    #[test]
+    fn the_shown_exposure_follows_a_camera_that_goes_over_to_others() {
+        let options = Options { exposures_in_cycle: 3, ..Options::default() };
+        let mut shown = ShownExposure::new(&options);
+        let mut see = |times: [f64; 3], light: f64, rounds: usize| {
+            let mut largest = 0.0f64;
+            for k in 0..3 * rounds {
+                let before = shown.chosen.effective_s();
+                shown.see(&frame(times[k % 3], light));
+                if k >= 3 {
+                    largest = largest.max((shown.chosen.effective_s() / before).ln().abs());
+                }
+            }
+            (shown.chosen.effective_s(), largest)
+        };
+        // 0.16 of white is well exposed: value 110.
+        let bright = [0.0005, 0.002, 0.008];
+        assert_eq!(see(bright, 80.0, 40).0, 0.002);
+        let (chosen, step) = see([0.004, 0.015, 0.06], 11.0, 40);
+        assert!((chosen - 0.015).abs() < 0.0005, "{chosen}");
+        assert!(step < 0.25, "it jumps by {step}");
+        // The same exposures in other light: the camera has not gone over, and neither has the picture.
+        assert!((see([0.004, 0.015, 0.06], 60.0, 40).0 - 0.015).abs() < 0.0005);
     }
 }

@@ -357,12 +357,12 @@ mod tests {
         // `srgb_encode` of the linear light, as the default response takes it.
         let encode = |l: f64| if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
         let gray = draw(320, 240, 0, &corners, |l| if dark { 0.004 } else { encode(l) });
-        let pixels = gray.pixels().iter().map(|&g| [g, g, g]).collect();
+        let pixels = Rgb8Image::from_pixels(320, 240, gray.pixels().iter().map(|&g| [g, g, g]).collect());
         RawFrame {
             sequence,
             t_mid: Timestamp::from_seconds(seconds),
             exposure: Exposure { time_s: 0.01, gain: 1.0 },
-            pixels: Arc::new(Rgb8Image::from_pixels(320, 240, pixels).expect("all pixels")),
+            pixels: Arc::new(pixels.expect("all pixels")),
             row_time_s: 0.0,
             response: None,
         }
