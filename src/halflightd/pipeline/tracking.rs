@@ -485,8 +485,7 @@ mod tests {
         assert!(!tracker.submit(&one).unwrap());
         assert!(tracker.collect(true).unwrap().is_some());
         assert!(!tracker.is_busy());
-        // The same time again is left out.
-        assert_eq!(lockstep(&mut tracker, &one).update, Update::Stale);
+        assert_eq!(lockstep(&mut tracker, &one).update, Update::Stale, "the same time again");
         let small = RawFrame { pixels: Arc::new(Rgb8Image::filled(160, 120, [0; 3])), ..one };
         let error = tracker.submit(&small).unwrap_err().to_string();
         assert_eq!(error, "tracking: a picture of 160 x 120 pixels: must be 320 x 240 as the lens is");
