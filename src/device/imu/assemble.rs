@@ -85,7 +85,12 @@ impl Assembler {
         });
         let before = std::mem::replace(&mut self.before, own);
         // A sensor that gives no rates turned from one orientation to the next.
-        let gyro = gyro.or_else(|| mean_rate(&before?, &own?, self.arrivals.since_last_s()))?;
+        let gyro = gyro.or_else(|| {
+            let (before, own) = (before?, own?);
+            // Where samples came so late that their times began anew, those tell.
+            let since_s = Some(self.arrivals.since_last_s()).filter(|since_s| *since_s > 0.0);
+            mean_rate(&before, &own, since_s.unwrap_or_else(|| own.t.seconds_since(before.t)))
+        })?;
         // One that gives no forces is taken to feel gravity alone.
         let accel =
             accel.or_else(|| Some(own?.level_from_imu.inverse() * DVec3::new(0.0, 0.0, GRAVITY_M_S2)))?;
@@ -147,6 +152,23 @@ mod tests {
         assert!(DVec3::from(last.gyro_rad_s).abs_diff_eq(DVec3::new(0.0, -2.0, 0.0), 1e-6), "{last:?}");
         assert!(DVec3::from(last.accel_m_s2).abs_diff_eq(DVec3::new(0.0, -GRAVITY_M_S2, 0.0), 1e-9));
         assert_eq!(assembler.orientation().unwrap().fused_by, FusedBy::Sensor);
+    }
+
+    #[test]
+    fn no_sample_is_lost_where_a_pause_makes_times_begin_anew() {
+        let mut assembler = Assembler::new(100.0, DQuat::IDENTITY);
+        let mut given = 0;
+        for k in 0..200 {
+            let mut sample = wire(k);
+            // From the hundredth on everything comes 0.4 s late.
+            let late_s = if k >= 100 { 0.4 } else { 0.0 };
+            sample.arrival = sample.arrival.plus_seconds(late_s);
+            (sample.gyro_rad_s, sample.orientation) =
+                (None, Some(DQuat::from_rotation_z(0.001 * f64::from(k))));
+            assembler.put(sample);
+            given += usize::from(assembler.take().is_some());
+        }
+        assert_eq!(given, 199, "all but the first, which has no rate");
     }
 
     #[test]

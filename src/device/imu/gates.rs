@@ -90,7 +90,12 @@ impl Gates {
         if !is_possible(sample) {
             return GateVerdict::Impossible;
         }
-        let is_old = |held: &HeldSample| sample.arrival.seconds_since(held.sample.arrival) > FORGOTTEN_S;
+        // A count that cannot have gone round tells how long the silence was for the sensor: a slow machine hands samples on late.
+        let forgotten_s = match sample.stamp {
+            SampleStamp::Count { modulus, .. } => FORGOTTEN_S.max(0.4 * f64::from(modulus) * self.period_s),
+            _ => FORGOTTEN_S,
+        };
+        let is_old = |held: &HeldSample| sample.arrival.seconds_since(held.sample.arrival) > forgotten_s;
         if self.given.as_ref().is_some_and(is_old) {
             self.given = None;
         }

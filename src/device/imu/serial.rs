@@ -154,6 +154,13 @@ impl SerialImu {
     }
 }
 
+impl Drop for SerialImu {
+    fn drop(&mut self) {
+        let counts = self.wire.counts();
+        tracing::info!("{}: closed: {counts:?}, {} left out after that", self.name, self.assembler.dropped());
+    }
+}
+
 fn cannot_open(text: &str, baud: u32, error: serialport::Error) -> DeviceError {
     use serialport::ErrorKind as Kind;
     let (kind, action) = match error.kind() {

@@ -147,8 +147,47 @@ const PATIENCE_S: f64 = 60.0;
 /// Signals are looked for so often while no frame comes, seconds.
 const LOOK_EVERY_S: f64 = 0.25;
 
-/// Draws frames and samples through the tees until the limit, with a progress bar.
+/// Draws frames and samples through the tees until the limit, with a progress bar. A sensor with the world's time is read on a
+/// thread of its own: its samples' times are those of their arrival.
 pub fn pump(
+    frames: &mut dyn FrameSource,
+    imu: Option<&mut dyn ImuSource>,
+    limit: &Limit,
+    expected: u64,
+) -> Result<RecordedFrames, CliError> {
+    let sensor = match imu {
+        Some(imu) if !imu.delivers_at_once() => imu,
+        at_once => return draw(frames, at_once, limit, expected),
+    };
+    let done = Signal::default();
+    std::thread::scope(|scope| {
+        let samples = scope.spawn(|| drain(sensor, &done));
+        let seen = draw(frames, None, limit, expected);
+        done.raise();
+        let imu_samples = samples.join().unwrap_or(0);
+        seen.map(|seen| RecordedFrames { imu_samples, ..seen })
+    })
+}
+
+/// Reads samples until `done`; gives their number. A sensor that goes away does not end the recording.
+fn drain(imu: &mut dyn ImuSource, done: &Signal) -> usize {
+    let clock = MonotonicClock::new();
+    let mut count = 0;
+    while !done.is_raised() {
+        match imu.next(clock.now().plus_seconds(LOOK_EVERY_S)) {
+            Ok(_) => count += 1,
+            Err(error) if matches!(error.kind, ErrorKind::Again | ErrorKind::Working) => {}
+            Err(error) => {
+                tracing::warn!("the recording goes on without its inertial sensor: {error}");
+                break;
+            }
+        }
+    }
+    count
+}
+
+/// Draws frames, and samples up to each.
+fn draw(
     frames: &mut dyn FrameSource,
     mut imu: Option<&mut dyn ImuSource>,
     limit: &Limit,

@@ -5,6 +5,7 @@ use crate::{sys, uhid::Device};
 use halflight_vm::{REPORT_BYTES, Sample};
 use std::fs::{self, File};
 use std::io::Read;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{self, JoinHandle};
@@ -54,6 +55,21 @@ fn feed(mut device: Device, first: u32, count: u32, read: Arc<AtomicU32>) -> Joi
         }
         wait_for(|| (read.load(Ordering::SeqCst) == first + count).then_some(()));
     })
+}
+
+/// A device that gives samples until a file is there, then is pulled out.
+pub fn feed_until(stop: &str) -> Outcome {
+    let mut device =
+        Device::plug("Simulated IMU", PRODUCT, &descriptor()).map_err(|e| format!("uhid: {e}"))?;
+    let mut counter = 0;
+    while !Path::new(stop).exists() {
+        if device.is_open() {
+            device.send(&Sample::by_rule(counter).report()).map_err(|e| format!("uhid: {e}"))?;
+            counter += 1;
+        }
+        thread::sleep(PERIOD);
+    }
+    Ok(format!("{counter} samples"))
 }
 
 /// `times` devices one after another, with `count` samples each.

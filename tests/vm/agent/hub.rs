@@ -34,6 +34,18 @@ impl Sensor {
             .collect()
     }
 
+    /// A report of a hub at rest: the quaternion's w is large, all others tremble.
+    pub fn at_rest(&self, counter: u32) -> Vec<u8> {
+        let value = |place: usize| match self.is_one_field() && place + 1 == self.values() {
+            true => 16_000,
+            false => ((counter as usize + place) % 3) as i16,
+        };
+        [self.report]
+            .into_iter()
+            .chain((0..self.values()).flat_map(|place| value(place).to_le_bytes()))
+            .collect()
+    }
+
     /// The report with this counter.
     pub fn bytes(&self, counter: i16) -> Vec<u8> {
         let values = self.by_rule(counter);

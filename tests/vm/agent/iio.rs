@@ -107,6 +107,21 @@ fn life(count: u32) -> Result<u32, String> {
     Ok(lost)
 }
 
+/// A hub at rest that gives reports until a file is there, then is pulled out.
+pub fn feed_until(stop: &str) -> Outcome {
+    let mut device = Device::plug("Simulated sensor hub", hub::PRODUCT, &hub::descriptor())
+        .map_err(|e| format!("uhid: {e}"))?;
+    let mut count = 0;
+    while !Path::new(stop).exists() {
+        for sensor in &SENSORS {
+            device.send(&sensor.at_rest(count)).map_err(|e| format!("uhid: {e}"))?;
+        }
+        count += 1;
+        thread::sleep(PERIOD);
+    }
+    Ok(format!("{count} reports of each sensor"))
+}
+
 /// `times` hubs one after another, with `count` records of each sensor.
 pub fn run(count: u32, times: u32) -> Outcome {
     let mut lost = 0;

@@ -47,10 +47,12 @@ fn run(words: &[String]) -> Outcome {
         Some("capture") => capture::run(&Options::parse(&words[1..])?),
         Some("nodes") => capture::nodes("/dev/video0", "/dev/video1"),
         Some("hidraw") => hidraw::run(number(1)?, number(2)?),
+        Some("hidraw-feed") => hidraw::feed_until(&words[1]),
+        Some("iio-feed") => iio::feed_until(&words[1]),
         Some("iio") => iio::run(number(1)?, number(2)?),
         Some("serial-echo") => serial::echo(&words[1]),
         Some("serial-samples") => serial::samples(&words[1], number(2)?, number(3)?),
-        _ => Err("ask | pace | capture | nodes | hidraw | iio | serial-echo | serial-samples".to_owned()),
+        _ => Err("ask | pace | capture | nodes | hidraw | hidraw-feed | iio | iio-feed | serial-echo | serial-samples".to_owned()),
     }
 }
 

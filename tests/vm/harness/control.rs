@@ -62,6 +62,7 @@ impl Control {
             ["serial", rest @ ..] => self.serial(rest),
             ["host", "replay", file, frames] => self.host.replay(file, frames),
             ["host", "pictures", file] => self.host.pictures(file),
+            ["host", "forces", file] => self.host.forces(file),
             ["host", "attributions", file] => self.host.attributions(file, &locked(&self.camera)),
             _ => Err(format!("nobody knows \"{}\"", words.join(" "))),
         }
@@ -114,6 +115,7 @@ impl Control {
     fn serial(&mut self, words: &[&str]) -> Answer {
         let talk = match words {
             ["echo"] => Talk::Echo,
+            ["rvc"] => Talk::Rvc,
             ["samples", rest @ ..] => Talk::Samples {
                 first: number(rest, "first")?.unwrap_or(0),
                 count: number(rest, "count")?.unwrap_or(100),

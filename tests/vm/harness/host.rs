@@ -1,9 +1,10 @@
 //! What the host finds out about files that the guest left: the same programs run here, and the camera's own log.
 
 use crate::camera::{Camera, Fate, Made};
+use crate::serial::rvc_force;
 use halflight_core::model::time::Timestamp;
 use halflight_device::{
-    ErrorKind, FrameSource,
+    ErrorKind, FrameSource, ImuSource,
     replay::{self, ReplayOptions},
 };
 use halflight_vm::{STRIP_ROWS, Strip};
@@ -80,6 +81,27 @@ impl Host {
             count += 1;
         }
         if count == 0 { Err(format!("{file} lists no frame")) } else { Ok(count.to_string()) }
+    }
+
+    /// Holds the inertial samples of a recording against what the sensor on the serial line sent: each follows the one before.
+    pub fn forces(&self, file: &str) -> Answer {
+        let options =
+            ReplayOptions::parse(&self.share.join(file).to_string_lossy()).map_err(|e| e.to_string())?;
+        let (_, imu) = replay::open(&options).map_err(|e| e.to_string())?;
+        let mut samples = Vec::new();
+        imu.ok_or(format!("{file} holds no inertial sample"))?
+            .samples_until(Timestamp::NEVER, &mut samples)
+            .map_err(|e| e.to_string())?;
+        let sent: Vec<i64> = samples.iter().map(|s| (s.accel_m_s2[0] / 9.806_65e-3).round() as i64).collect();
+        let place_of = |force: i64, next: i64| {
+            (0..200).find(|k| i64::from(rvc_force(*k)) == force && i64::from(rvc_force(*k + 1)) == next)
+        };
+        for (at, two) in sent.windows(2).enumerate() {
+            if place_of(two[0], two[1]).is_none() {
+                return Err(format!("sample {at} is {two:?}, which never followed one another"));
+            }
+        }
+        Ok(samples.len().to_string())
     }
 
     /// Holds the exposures of a recording against the camera's log.

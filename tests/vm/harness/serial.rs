@@ -6,6 +6,7 @@ use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::thread;
+use std::time::Duration;
 
 /// What the device does.
 #[derive(Clone, Copy)]
@@ -16,6 +17,30 @@ pub enum Talk {
         first: u32,
         count: u32,
     },
+    /// Frames of a BNO08x in UART-RVC mode, 100 a second, until the line is cut.
+    Rvc,
+}
+
+/// Time from frame to frame.
+const RVC_PERIOD: Duration = Duration::from_millis(10);
+
+/// Force along x of a frame by rule, 0.001 g: up to 100 and down again, one with each frame.
+pub fn rvc_force(counter: u32) -> i16 {
+    let place = (counter % 200) as i16;
+    if place < 100 { place } else { 200 - place }
+}
+
+/// The frame with this counter: the sensor turns about z, and leans nowhere.
+fn rvc_frame(counter: u32) -> [u8; 19] {
+    let yaw = (i64::from(counter) * 20 % 36_000 - 18_000) as i16;
+    let mut frame = [0; 19];
+    frame[..2].copy_from_slice(&[0xAA, 0xAA]);
+    frame[2] = counter as u8;
+    for (at, value) in [(3, yaw), (5, 0), (7, 0), (9, rvc_force(counter)), (11, 0), (13, 1000)] {
+        frame[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    }
+    frame[18] = frame[2..18].iter().fold(0, |sum, byte| sum.wrapping_add(*byte));
+    frame
 }
 
 /// The line, cut while nothing is plugged in.
@@ -47,6 +72,12 @@ impl Line {
 }
 
 fn speak(mut stream: UnixStream, talk: Talk) -> Result<()> {
+    if let Talk::Rvc = talk {
+        for counter in 0.. {
+            stream.write_all(&rvc_frame(counter))?;
+            thread::sleep(RVC_PERIOD);
+        }
+    }
     let mut bytes = [0; 4096];
     loop {
         let length = stream.read(&mut bytes)?;
@@ -60,6 +91,7 @@ fn speak(mut stream: UnixStream, talk: Talk) -> Result<()> {
                     stream.write_all(&Sample::by_rule(counter).report())?;
                 }
             }
+            Talk::Rvc => {}
         }
     }
 }

@@ -92,6 +92,14 @@ impl Layout {
         Ok(layout)
     }
 
+    /// The time of a record, by the channel of this name. Kernels put it into the record's last eight bytes, also where a channel
+    /// of 16 bytes (a quaternion) leaves room before them and `sysfs` tells of an earlier place; that is read where the last is 0.
+    pub fn time(&self, name: &str, record: &[u8]) -> Option<i64> {
+        let channel = self.channel(name)?;
+        let last = channel.form.read_at(record, self.bytes.checked_sub(channel.form.stored_bytes)?);
+        last.filter(|time| *time != 0).or_else(|| channel.read(record, 0))
+    }
+
     /// The channel of a name.
     pub fn channel(&self, name: &str) -> Option<&ScanChannel> {
         self.channels.iter().find(|channel| channel.name == name)
@@ -101,17 +109,24 @@ impl Layout {
 impl ScanChannel {
     /// Number `k` of the channel in a record; `None` beyond the record's end.
     pub fn read(&self, record: &[u8], k: usize) -> Option<i64> {
-        let Form { stored_bytes, bits, shift, .. } = self.form;
-        let at = self.offset + k * stored_bytes;
-        let stored = record.get(at..at + stored_bytes).filter(|_| k < self.repeat)?;
-        let fold = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
-        let all = if self.form.is_big_endian {
-            stored.iter().fold(0, fold)
+        if k < self.repeat {
+            self.form.read_at(record, self.offset + k * self.form.stored_bytes)
         } else {
-            stored.iter().rev().fold(0, fold)
-        };
+            None
+        }
+    }
+}
+
+impl Form {
+    /// The value whose bytes begin here; `None` beyond the record's end.
+    fn read_at(self, record: &[u8], at: usize) -> Option<i64> {
+        let Self { stored_bytes, bits, shift, .. } = self;
+        let stored = record.get(at..at.checked_add(stored_bytes)?)?;
+        let fold = |all: u64, byte: &u8| all << 8 | u64::from(*byte);
+        let all =
+            if self.is_big_endian { stored.iter().fold(0, fold) } else { stored.iter().rev().fold(0, fold) };
         let value = (all >> shift) << (64 - bits);
-        Some(if self.form.is_signed {
+        Some(if self.is_signed {
             value.cast_signed() >> (64 - bits)
         } else {
             (value >> (64 - bits)).cast_signed()
@@ -136,6 +151,12 @@ mod tests {
         ]);
         let layout = layout.unwrap();
         assert_eq!((layout.bytes, layout.channel("in_timestamp").unwrap().offset), (32, 16));
+        let mut record = [0u8; 32];
+        record[24..].copy_from_slice(&77i64.to_le_bytes());
+        assert_eq!(layout.time("in_timestamp", &record), Some(77), "Linux 6.1 behind a quaternion");
+        record[16..].fill(0);
+        record[16] = 9;
+        assert_eq!(layout.time("in_timestamp", &record), Some(9), "where sysfs says");
         let layout = Layout::new(vec![
             channel("in_accel_x", 0, "be:s12/16>>4"),
             channel("in_accel_y", 1, "le:u8/8>>0"),

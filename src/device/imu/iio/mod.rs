@@ -58,6 +58,8 @@ pub struct IioImu {
     clock: Arc<dyn Clock>,
     assembler: Assembler,
     accel: Option<[f64; 3]>,
+    /// Records taken so far.
+    records: u64,
 }
 
 impl IioImu {
@@ -105,6 +107,7 @@ impl IioImu {
             clock,
             assembler: Assembler::new(rate_hz, description.imu_from_sensor),
             accel: None,
+            records: 0,
         })
     }
 
@@ -129,7 +132,7 @@ impl IioImu {
 
     /// Takes what all devices have, the forces first.
     fn read(&mut self) -> Result<(), DeviceError> {
-        let Self { parts, assembler, accel, clock, name, .. } = self;
+        let Self { parts, assembler, accel, clock, name, records } = self;
         for part in parts.iter_mut().rev() {
             let count = match part.file.read(&mut part.bytes[part.held..]) {
                 Ok(0) => {
@@ -148,6 +151,7 @@ impl IioImu {
             let whole = (part.held + count) / length * length;
             for record in part.bytes[..whole].chunks_exact(length) {
                 let mut sample = part.opened.sample(record, arrival);
+                *records += 1;
                 *accel = sample.accel_m_s2.or(*accel);
                 sample.accel_m_s2 = *accel;
                 let is_sample =
@@ -160,6 +164,17 @@ impl IioImu {
             part.held = part.held + count - whole;
         }
         Ok(())
+    }
+}
+
+/// The kernel stops sampling.
+impl Drop for IioImu {
+    fn drop(&mut self) {
+        for part in &self.parts {
+            part.opened.stop();
+        }
+        let Self { name, records, assembler, .. } = self;
+        tracing::info!("{name}: closed: {records} records, {} left out", assembler.dropped());
     }
 }
 
@@ -180,7 +195,7 @@ impl Opened {
             // The scale falls out.
             sample.orientation = Some(DQuat::from_xyzw(x, y, z, w).normalize());
         }
-        if let Some(ns) = self.layout.channel(sysfs::TIMESTAMP).and_then(|channel| channel.read(record, 0)) {
+        if let Some(ns) = self.layout.time(sysfs::TIMESTAMP, record) {
             sample.stamp = SampleStamp::Ticks { value: ns.cast_unsigned(), bits: 64, tick_s: 1e-9 };
         }
         sample

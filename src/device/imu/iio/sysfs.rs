@@ -31,10 +31,16 @@ pub(super) struct Opened {
     pub(super) accel_scale: f64,
     pub(super) gyro_scale: f64,
     pub(super) clock: String,
+    folder: PathBuf,
     pub(super) rate_hz: Option<f64>,
 }
 
 impl Opened {
+    /// Switches its buffer off; a device that is gone has none.
+    pub(super) fn stop(&self) {
+        let _ = fs::write(self.folder.join("buffer/enable"), "0");
+    }
+
     pub(super) fn has_orientation(&self) -> bool {
         self.layout.channel(ORIENTATION).is_some_and(|channel| channel.repeat == 4)
     }
@@ -51,7 +57,8 @@ impl Opened {
 fn read(path: PathBuf) -> Option<String> {
     let mut text = String::new();
     File::open(path).ok()?.take(LONGEST).read_to_string(&mut text).ok()?;
-    Some(text.trim().to_owned())
+    // The kernel ends the name of a clock by a zero.
+    Some(text.trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned())
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
@@ -122,6 +129,7 @@ pub(super) fn open(places: &Places, folder: &Path) -> Result<(File, Opened), Fai
         rate_hz: number(["sampling_frequency", "in_anglvel_sampling_frequency"])
             .filter(|rate| super::super::description::RATE_HZ.contains(rate)),
         name,
+        folder: folder.to_owned(),
     };
     Ok((file, opened))
 }
