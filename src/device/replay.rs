@@ -296,7 +296,14 @@ impl<R: Read + Seek> ReplaySource<R> {
         });
         self.last = Some(t_mid);
         let sequence = note.map_or(message.number - 1, |note| note.sequence);
-        Ok(RawFrame { sequence, t_mid, exposure, row_time_s: 0.0, pixels: Arc::new(read.image) })
+        Ok(RawFrame {
+            sequence,
+            t_mid,
+            exposure,
+            sensor: None,
+            row_time_s: 0.0,
+            pixels: Arc::new(read.image),
+        })
     }
 
     /// A picture's time on the line of all frames. A step back by more than a second begins afresh after a gap.

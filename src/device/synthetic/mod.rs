@@ -203,7 +203,7 @@ impl FrameSource for SyntheticSource {
             light: self.place.light,
             to_light_world: truth::dominant_direction(&self.place.light),
         });
-        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels), row_time_s: 0.0 })
+        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels), sensor: None, row_time_s: 0.0 })
     }
 
     fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {

@@ -34,7 +34,14 @@ fn three_exposures_at_30_fps_give_30_merges_a_second() {
         while let Some(settled) = scheduler.settled() {
             let Attribution::Sure(exposure) = settled.attribution else { continue };
             let pixels = Arc::clone(&picture);
-            let frame = RawFrame { sequence: settled.sequence, t_mid: t, exposure, pixels, row_time_s: 0.0 };
+            let frame = RawFrame {
+                sequence: settled.sequence,
+                t_mid: t,
+                exposure,
+                pixels,
+                sensor: None,
+                row_time_s: 0.0,
+            };
             ring.push(&frame, None).unwrap();
             let whole = ring.registered(&crate::model::response::Response::srgb()).pictures().len() == 3;
             merges += u32::from(whole && k >= warm_up);
