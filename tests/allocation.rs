@@ -13,9 +13,17 @@ use halflight::device::bracket::{
     simulator::{Faults, SimulatedCamera},
     thumbnail::Thumbnail,
 };
+use halflight::hdr::{
+    develop::{Developer, SensorOptions},
+    merge_bracket::merge_sensor,
+    sliding::SlidingMerge,
+};
 use halflight::math::{lens::Lens, pose::Pose};
 use halflight::model::{
-    frame::Exposure,
+    frame::{Exposure, RawFrame},
+    image::HdrImage,
+    pixels::{BayerDepth, BayerOrder, PixelFormat, PixelLayout, PixelPool},
+    response::Response,
     room::{Face, Room, RoomSun, RoomSurface},
     time::Timestamp,
 };
@@ -47,6 +55,7 @@ fn frames_in_steady_state_allocate_only_in_libraries() {
     }
     choosing_near_light();
     bracketing();
+    developing_and_merging();
     for threads in [1, 2, 3, 5] {
         for start in [0, 9, 17] {
             frames_of_near_light(threads, start);
@@ -226,4 +235,41 @@ fn bracketing() {
     });
     assert_eq!(counted.ours, 0, "{counted}");
     assert!(scheduler.report().sure > 300);
+}
+
+/// Frames of a 12-bit sensor: developed, warped into the newest view and merged.
+fn developing_and_merging() {
+    let (width, height) = (96, 64);
+    let layout = PixelLayout::packed(PixelFormat::Bayer(BayerOrder::Rggb, BayerDepth::Bits12), width, height);
+    let mut pool = PixelPool::new((0..4).map(|_| vec![3u8; layout.least_bytes()]));
+    let mut developer = Developer::new(&Response::srgb(), SensorOptions::default()).unwrap();
+    let lens = Lens::pinhole(width as u32, height as u32, 80.0, 80.0, 48.0, 32.0);
+    let mut ring = SlidingMerge::new(3, &lens, None);
+    let mut merged = HdrImage::default();
+    let mut frame = |k: usize| {
+        let (slot, _) = pool.free().expect("buffers come back");
+        let pixels = pool.lend(slot, layout, layout.least_bytes()).unwrap().unwrap();
+        let developed = developer.develop(&pixels).unwrap();
+        let eye = DVec3::new(0.01 * k as f64, -0.5, 0.4);
+        let pose = Pose::look_at(eye, eye + DVec3::new(0.0, 0.5, -0.4), DVec3::Z);
+        let frame = RawFrame {
+            sequence: k as u64,
+            t_mid: Timestamp(k as i64),
+            exposure: Exposure { time_s: [0.01, 0.04, 0.16][k % 3], gain: 1.0 },
+            pixels: developed.pixels,
+            sensor: developed.sensor,
+            row_time_s: 0.0,
+        };
+        ring.push(&frame, Some(pose)).unwrap();
+        let registered = ring.registered_sensor().expect("the sensor's pictures are there");
+        merge_sensor(registered.pictures(), registered.exposures(), &mut merged).unwrap();
+    };
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    threads.install(|| {
+        (0..WARM_UP).for_each(&mut frame);
+        for k in WARM_UP..WARM_UP + MEASURED {
+            let counted = sys::allocated(|| frame(k));
+            assert_eq!(counted.ours, 0, "frame {k} of a sensor: {counted}");
+        }
+    });
 }

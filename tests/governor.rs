@@ -4,7 +4,8 @@
 use halflight::config::presets;
 use halflight::device::{Clock, FrameSource, clock::ManualClock, open};
 use halflight::engine::{
-    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput, cpu::CpuEngine,
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, RelightInput, SensorBracket,
+    cpu::CpuEngine,
 };
 use halflight::model::{
     frame::Exposure,
@@ -70,6 +71,11 @@ impl Engine for Loaded {
     ) -> Result<(), EngineError> {
         pass(&self.clock, MERGING_NS);
         self.inner.merge_bracket(bracket, response, out)
+    }
+
+    fn merge_sensor(&mut self, bracket: &SensorBracket<'_>, out: &mut HdrImage) -> Result<(), EngineError> {
+        pass(&self.clock, MERGING_NS);
+        self.inner.merge_sensor(bracket, out)
     }
 
     fn estimate_light(

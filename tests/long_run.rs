@@ -52,6 +52,7 @@ impl FrameSource for TwoPictures {
             t_mid: Timestamp(self.given as i64 * PERIOD_NS),
             exposure: Exposure { time_s: [0.002, 0.008][which], gain: 1.0 },
             pixels: Arc::clone(&self.pictures[which]),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         })

@@ -69,6 +69,7 @@ fn frame(i: u64) -> RawFrame {
         t_mid: Timestamp(1_000_000_000 + i as i64 * 33_333_333),
         exposure: Exposure { time_s: [1.0 / 3840.0, 1.0 / 480.0, 1.0 / 60.0][i as usize % 3], gain: 1.5 },
         pixels: Arc::new(Rgb8Image::from_pixels(SIZE.0, SIZE.1, pixels).unwrap()),
+        sensor: None,
         row_time_s: 0.0,
         response: None,
     }

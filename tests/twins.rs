@@ -16,11 +16,11 @@ use std::sync::{Mutex, PoisonError};
 
 use halflight::{
     engine::{
-        Bracket, Engine, LightJob, RelightInput, Timings,
+        Bracket, Engine, LightJob, RelightInput, SensorBracket, Timings,
         cpu::CpuEngine,
         gpu::{Backend, GpuEngine},
     },
-    hdr::merge_bracket::merge_bracket,
+    hdr::merge_bracket::{merge_bracket, merge_sensor},
     math::{
         dice::Dice,
         lens::{Distortion, Lens},
@@ -29,12 +29,13 @@ use halflight::{
     },
     model::{
         frame::Exposure,
-        image::{HdrImage, Rgb8Image},
+        image::{HdrImage, Image, Rgb8Image},
         light::RadianceSamples,
         picture::Picture,
         quality::Quality,
         response::Response,
         rig::MirrorBall,
+        sensor::{CLIPPED, SensorImage, SensorScale, UNSEEN},
         time::Timestamp,
     },
     plan::Pass,
@@ -71,18 +72,57 @@ fn merge_matches(engine: &mut GpuEngine) {
         merge_bracket(&pictures, &exposures, &response, &mut twin).expect("a sound bracket");
         assert_eq!(device.flags, twin.flags);
         assert_eq!((device.radiance.width(), device.radiance.height()), (width, height));
-        let worst = device
-            .radiance
-            .pixels()
-            .as_flattened()
-            .iter()
-            .zip(twin.radiance.pixels().as_flattened())
-            .map(|(d, t)| f64::from((d / t - 1.0).abs()))
-            .fold(0.0, f64::max);
+        let worst = largest_ratio(&device, &twin);
         println!("merge of {count}: {worst:.1e}");
         // Measured 1.2e-7: the same operations in the same order. A device may fuse multiply and add and divide
         // to 2.5 units in the last place; the logarithm (up to 8 in size) enters with its absolute error.
         assert!(worst < 1e-6, "merge of {count}: relative difference {worst}");
+    }
+}
+
+/// Largest relative difference; what is 0 on both sides has none.
+fn largest_ratio(device: &HdrImage, twin: &HdrImage) -> f64 {
+    let pairs = device.radiance.pixels().as_flattened().iter().zip(twin.radiance.pixels().as_flattened());
+    pairs.map(|(d, t)| if d == t { 0.0 } else { f64::from((d / t - 1.0).abs()) }).fold(0.0, f64::max)
+}
+
+/// What sensors gave: values of all sizes, among them those that are unseen, black, nearly saturated and clipped.
+fn sensor_merge_matches(engine: &mut GpuEngine) {
+    let mut dice = Dice::new(13);
+    let (width, height) = (161, 119);
+    for count in [1usize, 3, 9] {
+        let pictures: Vec<SensorImage> = (0..count)
+            .map(|k| {
+                let mut value = || match dice.unit_f32() * 8.0 {
+                    kind if kind < 1.0 => [UNSEEN, CLIPPED, 1024, 61_999][(kind * 4.0) as usize],
+                    kind if kind < 3.0 => 900 + (dice.unit_f32() * 300.0) as u16,
+                    _ => (dice.unit_f32() * 65_535.0) as u16,
+                };
+                let pixels = (0..width * height).map(|_| [value(), value(), value()]).collect();
+                SensorImage {
+                    values: Image::from_pixels(width, height, pixels).expect("as many as were made"),
+                    scale: SensorScale {
+                        black: 1024.0 + k as f32,
+                        saturated: 62_000,
+                        step: 16.0,
+                        exposure_per_value: [1.7e-5, 1e-5, 2.1e-5],
+                    },
+                }
+            })
+            .collect();
+        let exposures: Vec<_> = (0..count)
+            .map(|k| Exposure { time_s: 0.001 * 2f64.powi(k as i32), gain: 1.0 + k as f64 })
+            .collect();
+        let pictures: Vec<_> = pictures.iter().collect();
+        let (mut device, mut twin) = (HdrImage::default(), HdrImage::default());
+        let bracket = SensorBracket { pictures: &pictures, exposures: &exposures };
+        engine.merge_sensor(&bracket, &mut device).expect("a sound bracket");
+        merge_sensor(&pictures, &exposures, &mut twin).expect("a sound bracket");
+        let differing = device.flags.pixels().iter().zip(twin.flags.pixels()).filter(|(d, t)| d != t).count();
+        let worst = largest_ratio(&device, &twin);
+        println!("merge of {count} from sensors: {worst:.1e}, {differing} flags differ");
+        // A sum near black may have lost digits, and lie on either side of half a step.
+        assert!(worst < 1e-4 && differing <= 2, "merge of {count} from sensors: {worst}, {differing}");
     }
 }
 
@@ -377,6 +417,7 @@ fn all_kernels(backend: Backend) {
     };
     println!("{}", engine.description());
     merge_matches(&mut engine);
+    sensor_merge_matches(&mut engine);
     projection_matches_and_repeats(&mut engine);
     let mut cpu = CpuEngine::new(None).expect("threads");
     engine = ball_matches(engine);

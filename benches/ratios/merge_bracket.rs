@@ -132,6 +132,7 @@ fn sliding_ms() -> f64 {
             t_mid: Timestamp(0),
             exposure: Exposure { time_s: f64::from(times_s[k]), gain: 1.0 },
             pixels: Arc::clone(&pictures[k]),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         };

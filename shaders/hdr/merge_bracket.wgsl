@@ -1,6 +1,7 @@
 // Exposures to linear radiance: ln E = sum w(z) (g(z) - ln t) / sum w(z), Eq. 6 of [DM97], with the hat weight
 // and the bounds of channels that are 0 or 255 in every picture. Twin: src/core/hdr/merge_bracket.rs.
 // One invocation merges four pixels, because four pixels are three whole words of packed bytes.
+// merge_sensor does the same for pictures of 16 bits, linear in light: E = sum w (z - black) f / sum w.
 
 struct MergeParams {
     // Groups of four pixels.
@@ -14,7 +15,8 @@ struct MergeParams {
 
 @group(0) @binding(0) var<uniform> params: MergeParams;
 @group(0) @binding(1) var<storage, read> pictures: array<u32>;
-// For each picture, channel and value: w(z) (g(z) - ln t).
+// For each picture, channel and value: w(z) (g(z) - ln t). For merge_sensor 8 numbers a picture: weight, black, saturation, fall
+// of the weight towards it, half a step, and the radiance of a value of 1 in each channel.
 @group(0) @binding(2) var<storage, read> tables: array<f32>;
 @group(0) @binding(3) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> flags: array<u32>;
@@ -97,6 +99,12 @@ fn bounds(place: u32, byte: u32, channel: u32) -> Bound {
     return Bound(0.5 * (at_least + at_most), LOWER_BOUND | UPPER_BOUND);
 }
 
+// The flags of four pixels: those of each one's channels together.
+fn packed_flags(a: vec4<u32>, b: vec4<u32>, c: vec4<u32>) -> u32 {
+    return (a.x | a.y | a.z) | ((a.w | b.x | b.y) << 8u)
+        | ((b.z | b.w | c.x) << 16u) | ((c.y | c.z | c.w) << 24u);
+}
+
 @compute @workgroup_size(64)
 fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     let quad = id.y * params.row + id.x;
@@ -109,9 +117,57 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     radiance[quad * 3u] = first.radiance;
     radiance[quad * 3u + 1u] = second.radiance;
     radiance[quad * 3u + 2u] = third.radiance;
-    let a = first.flags;
-    let b = second.flags;
-    let c = third.flags;
-    flags[quad] = (a.x | a.y | a.z) | ((a.w | b.x | b.y) << 8u)
-        | ((b.z | b.w | c.x) << 16u) | ((c.y | c.z | c.w) << 24u);
+    flags[quad] = packed_flags(first.flags, second.flags, third.flags);
+}
+
+// Values of 16 bits, and what is known of them.
+const UNSEEN = 0u;
+const LARGEST = 3.4028235e38;
+const TERMS = 8u;
+
+// Merges four neighbouring values of 16 bits: the two words from `place` on of every picture.
+fn merge_values(place: u32, channels: vec4<u32>) -> Merged {
+    var sum = vec4<f32>(0.0);
+    var weight_sum = vec4<f32>(0.0);
+    var at_least = vec4<f32>(0.0);
+    var least = vec4<f32>(LARGEST);
+    for (var k = 0u; k < params.pictures; k += 1u) {
+        let word = k * params.picture_words + place;
+        let pair = vec2<u32>(pictures[word], pictures[word + 1u]);
+        let values = vec4<u32>(pair.x & 0xffffu, pair.x >> 16u, pair.y & 0xffffu, pair.y >> 16u);
+        let z = vec4<f32>(values);
+        let at = k * TERMS;
+        let black = tables[at + 1u];
+        let saturated = tables[at + 2u];
+        let of = vec4<u32>(at + 5u) + channels;
+        let factor = vec4<f32>(tables[of.x], tables[of.y], tables[of.z], tables[of.w]);
+        let is_seen = values != vec4<u32>(UNSEEN);
+        let below = clamp((saturated - z) * tables[at + 3u], vec4<f32>(0.0), vec4<f32>(1.0));
+        let weight = select(vec4<f32>(0.0), tables[at] * below, is_seen);
+        let counts = weight > vec4<f32>(0.0);
+        sum += weight * ((z - black) * factor);
+        weight_sum += weight;
+        at_least = max(at_least, select(vec4<f32>(0.0), (saturated - black) * factor, is_seen & !counts));
+        least = min(least, select(vec4<f32>(LARGEST), tables[at + 4u] * factor, counts));
+    }
+    let is_known = weight_sum > vec4<f32>(0.0);
+    let mean = sum / select(vec4<f32>(1.0), weight_sum, is_known);
+    let is_dark = select(vec4<u32>(0u), vec4<u32>(UPPER_BOUND), mean < least);
+    let is_bound = select(vec4<u32>(LOWER_BOUND | UPPER_BOUND), vec4<u32>(LOWER_BOUND), at_least > vec4<f32>(0.0));
+    return Merged(select(at_least, max(mean, vec4<f32>(0.0)), is_known), select(is_bound, is_dark, is_known));
+}
+
+@compute @workgroup_size(64)
+fn merge_sensor(@builtin(global_invocation_id) id: vec3<u32>) {
+    let quad = id.y * params.row + id.x;
+    if quad >= params.quads {
+        return;
+    }
+    let first = merge_values(quad * 6u, vec4<u32>(0u, 1u, 2u, 0u));
+    let second = merge_values(quad * 6u + 2u, vec4<u32>(1u, 2u, 0u, 1u));
+    let third = merge_values(quad * 6u + 4u, vec4<u32>(2u, 0u, 1u, 2u));
+    radiance[quad * 3u] = first.radiance;
+    radiance[quad * 3u + 1u] = second.radiance;
+    radiance[quad * 3u + 2u] = third.radiance;
+    flags[quad] = packed_flags(first.flags, second.flags, third.flags);
 }

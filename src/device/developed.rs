@@ -1,9 +1,9 @@
-//! A camera that gives bytes of any format, as one that gives 8-bit RGB.
+//! A camera that gives bytes of any format, as one that gives 8-bit RGB, and beside it what a sensor of more bits gave.
 //!
 //! The conversion runs on the camera's own thread, in one pass, into pictures that are used again; the driver's buffer goes
 //! back to it as soon as that is done, before anybody looks at the picture.
 
-use crate::hdr::develop::{Developer, SensorOptions};
+use crate::hdr::develop::{Developed, Developer, SensorOptions};
 use crate::model::{
     frame::{CapturedFrame, Exposure, RawFrame},
     pixels::PixelFormat,
@@ -89,12 +89,20 @@ impl<S: CaptureSource> FrameSource for DevelopedCamera<S> {
         loop {
             let captured = self.source.next(deadline)?;
             let error = match self.developer.develop(&captured.pixels) {
-                Ok(pixels) => {
+                Ok(Developed { pixels, sensor }) => {
                     self.broken = 0;
                     let row_time_s = captured.pixels.layout().row_time_s;
                     self.is_coded_here = matches!(captured.pixels.layout().format, PixelFormat::Bayer(..));
                     let CapturedFrame { sequence, t_mid, exposure, .. } = captured;
-                    return Ok(RawFrame { sequence, t_mid, exposure, pixels, row_time_s, response: None });
+                    return Ok(RawFrame {
+                        sequence,
+                        t_mid,
+                        exposure,
+                        pixels,
+                        sensor,
+                        row_time_s,
+                        response: None,
+                    });
                 }
                 Err(error) => error,
             };
@@ -127,7 +135,7 @@ mod tests {
     use super::*;
     use crate::clock::{Clock, ManualClock};
     use crate::fake::{FakeDevice, FakePort, FakeScript, FakeStep};
-    use crate::model::pixels::{PixelFormat, PixelLayout, PixelPool};
+    use crate::model::pixels::{BayerDepth, BayerOrder, PixelFormat, PixelLayout, PixelPool};
     use std::sync::Arc;
 
     impl CaptureSource for FakeDevice<CapturedFrame> {
@@ -174,6 +182,20 @@ mod tests {
             assert_eq!((frame.sequence, frame.pixels.pixels()[7]), (k, [128; 3]));
             held.push(frame);
         }
+    }
+
+    #[test]
+    fn a_sensor_of_more_than_8_bits_hands_on_what_it_gave() {
+        let of = |depth| {
+            let layout = PixelLayout::packed(PixelFormat::Bayer(BayerOrder::Rggb, depth), 6, 4);
+            let (mut camera, clock) = camera(layout, vec![FakeStep::Item], |_| 3);
+            camera.next(clock.now().plus_seconds(1.0)).unwrap()
+        };
+        let (fine, coarse) = (of(BayerDepth::Bits12), of(BayerDepth::Bits8));
+        assert!(coarse.sensor.is_none());
+        let sensor = fine.sensor.unwrap();
+        // Bytes of 3 are values of 771, 16 of ours each.
+        assert_eq!((sensor.values.pixels()[7], sensor.scale.step), ([16 * 771; 3], 16.0));
     }
 
     #[test]

@@ -263,6 +263,7 @@ impl FakeCamera {
                 .copied()
                 .unwrap_or(Exposure { time_s: 0.01, gain: 1.0 }),
             pixels: Arc::clone(&pixels),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         })

@@ -154,6 +154,7 @@ mod tests {
                 t_mid: self.time()?,
                 exposure: Exposure { time_s: 0.01, gain: 1.0 },
                 pixels: Arc::new(Rgb8Image::filled(1, 1, [0; 3])),
+                sensor: None,
                 row_time_s: 0.0,
                 response: None,
             })

@@ -300,6 +300,7 @@ impl<R: Read + Seek> ReplaySource<R> {
             sequence,
             t_mid,
             exposure,
+            sensor: None,
             row_time_s: 0.0,
             pixels: Arc::new(read.image),
             response: None,

@@ -10,7 +10,10 @@ mod twins;
 
 pub(crate) use twins::Twins;
 
-use super::{Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput};
+use super::{
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput,
+    SensorBracket,
+};
 use crate::frame::{FrameJob, FrameState, TwinPasses, check_frame, check_light};
 use crate::light::{maps, project_sh::project_sh, unwrap_ball::BallUnwrapper};
 use crate::model::{
@@ -80,6 +83,13 @@ impl Engine for CpuEngine {
             let merge = || {
                 crate::hdr::merge_bracket::merge_bracket(bracket.pictures, bracket.exposures, response, out)
             };
+            self.pool.install(merge).map_err(|e| EngineError::Input(e.to_string()))
+        })
+    }
+
+    fn merge_sensor(&mut self, bracket: &SensorBracket<'_>, out: &mut HdrImage) -> Result<(), EngineError> {
+        timed(&mut self.timings, Pass::MergeBracket, || {
+            let merge = || crate::hdr::merge_bracket::merge_sensor(bracket.pictures, bracket.exposures, out);
             self.pool.install(merge).map_err(|e| EngineError::Input(e.to_string()))
         })
     }

@@ -21,6 +21,7 @@ use crate::model::{
     quality::Quality,
     response::Response,
     scene::Scene,
+    sensor::SensorImage,
 };
 use crate::nearfield::prepare::KnownRoom;
 use crate::plan::{Foresight, FramePlan, Pass, PassTiming};
@@ -62,6 +63,15 @@ pub enum EngineError {
 pub struct Bracket<'a> {
     /// 1 to 9 pictures.
     pub pictures: &'a [&'a Rgb8Image],
+    /// One for each picture.
+    pub exposures: &'a [Exposure],
+}
+
+/// One bracket as its sensor gave it: the same view at several exposures, all of one size.
+#[derive(Clone, Copy)]
+pub struct SensorBracket<'a> {
+    /// 1 to 9 pictures.
+    pub pictures: &'a [&'a SensorImage],
     /// One for each picture.
     pub exposures: &'a [Exposure],
 }
@@ -140,6 +150,8 @@ pub trait Engine: Send {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError>;
+    /// The same for what a sensor gave, which needs no response (twin: `hdr::merge_bracket::merge_sensor`).
+    fn merge_sensor(&mut self, bracket: &SensorBracket<'_>, out: &mut HdrImage) -> Result<(), EngineError>;
     /// Reads the light (twins: `light::unwrap_ball`, `light::project_sh`).
     fn estimate_light(&mut self, job: &LightJob<'_>, quality: &Quality)
     -> Result<MeasuredLight, EngineError>;

@@ -38,6 +38,7 @@ pub fn frame(i: i64) -> RawFrame {
         sequence: i as u64,
         t_mid: Timestamp(START + i * STEP),
         exposure,
+        sensor: None,
         row_time_s: 0.0,
         response: None,
         pixels: Arc::new(picture(i)),

@@ -5,13 +5,16 @@
 
 use crate::model::{
     image::{RadianceImage, Rgb8Image},
-    pixels::{BayerDepth, BayerOrder, FramePixels, PixelFormat},
+    pixels::{FramePixels, PixelFormat},
     response::Response,
+    sensor::{SensorImage, UNSEEN},
 };
+use bayer::Sensor;
 use rayon::prelude::*;
 use std::sync::Arc;
 use yuv::YuvToRgb;
 
+mod bayer;
 mod jpeg;
 mod yuv;
 
@@ -30,6 +33,18 @@ impl Default for SensorOptions {
     fn default() -> Self {
         Self { black: 0.0, white: 1.0, white_balance: [1.0; 3] }
     }
+}
+
+/// From so much of the way from black to white on a sensor's value counts as saturated: noise blurs the end of the scale.
+const SATURATED: f32 = 0.98;
+
+/// A frame's picture, to be shared.
+#[derive(Clone, Debug)]
+pub struct Developed {
+    /// 8-bit RGB through the response.
+    pub pixels: Arc<Rgb8Image>,
+    /// As the sensor gave it, where that is finer than 8 bits.
+    pub sensor: Option<Arc<SensorImage>>,
 }
 
 /// Why a picture cannot be developed.
@@ -61,6 +76,8 @@ pub struct Developer {
     thresholds: [[f32; 256]; 3],
     /// Pictures made for frames; those that nobody else holds are used again.
     made: Vec<Arc<Rgb8Image>>,
+    /// The same for pictures at the sensor's fineness.
+    made_of_sensor: Vec<Arc<SensorImage>>,
     /// MJPEG's samples.
     samples: Vec<u8>,
     /// MJPEG's picture on its way to linear light.
@@ -83,28 +100,34 @@ impl Developer {
             exposure_of_value: response.log_exposure().map(|g| g.map(f32::exp)),
             thresholds: response.thresholds(),
             made: Vec::new(),
+            made_of_sensor: Vec::new(),
             samples: Vec::new(),
             decoded: Rgb8Image::default(),
         })
     }
 
     /// The picture in 8-bit RGB, to be shared: where it is an image of ours already, that image; else one made in memory that
-    /// was used for an earlier frame and that nobody holds any more.
-    pub fn develop(&mut self, pixels: &FramePixels) -> Result<Arc<Rgb8Image>, DevelopError> {
+    /// was used for an earlier frame and that nobody holds any more. With it the picture at the sensor's fineness, where that
+    /// is finer: both are made in one pass.
+    pub fn develop(&mut self, pixels: &FramePixels) -> Result<Developed, DevelopError> {
         if let Some(image) = pixels.as_image() {
-            return Ok(Arc::clone(image));
+            return Ok(Developed { pixels: Arc::clone(image), sensor: None });
         }
-        let free = self.made.iter_mut().position(|image| Arc::get_mut(image).is_some());
-        let mut image = match free {
-            Some(at) => self.made.swap_remove(at),
-            None => Arc::default(),
-        };
-        let result = match Arc::get_mut(&mut image) {
-            Some(out) => self.rgb8(pixels, out),
-            None => Ok(()),
+        let is_fine = matches!(pixels.layout().format, PixelFormat::Bayer(_, depth) if depth.white() > 255);
+        let mut image = take_free(&mut self.made);
+        let mut sensor = is_fine.then(|| take_free(&mut self.made_of_sensor));
+        let result = match (Arc::get_mut(&mut image), sensor.as_mut().map(Arc::get_mut)) {
+            (Some(image), Some(Some(sensor))) => {
+                self.both(pixels, image, sensor);
+                Ok(())
+            }
+            (Some(image), None) => self.rgb8(pixels, image),
+            // Nobody else holds them.
+            _ => Ok(()),
         };
         self.made.push(Arc::clone(&image));
-        result.map(|()| image)
+        self.made_of_sensor.extend(sensor.as_ref().map(Arc::clone));
+        result.map(|()| Developed { pixels: image, sensor })
     }
 
     /// Pictures that were made so far, held or free.
@@ -127,10 +150,7 @@ impl Developer {
         match self.sensor(pixels) {
             Some(sensor) => rows.enumerate().for_each(|(y, row)| {
                 for (x, pixel) in row.iter_mut().enumerate() {
-                    let exposure = sensor.exposure(x, y);
-                    for (c, value) in pixel.iter_mut().enumerate() {
-                        *value = thresholds[c].partition_point(|edge| *edge <= exposure[c]).min(255) as u8;
-                    }
+                    *pixel = coded(thresholds, sensor.pixel(x, y).0);
                 }
             }),
             None => rows.enumerate().for_each(|(y, row)| {
@@ -138,6 +158,25 @@ impl Developer {
             }),
         }
         Ok(())
+    }
+
+    /// A Bayer sensor's picture in 8-bit RGB as [`Developer::rgb8`] makes it, and in 16 bits: there black is not taken off, and a
+    /// channel is clipped where one of the values that it is the mean of is saturated.
+    fn both(&self, pixels: &FramePixels, image: &mut Rgb8Image, fine: &mut SensorImage) {
+        let Some(sensor) = self.sensor(pixels) else { return };
+        let thresholds = &self.thresholds;
+        let (width, height) = (pixels.width(), pixels.height());
+        image.reshape(width, height, [0; 3]);
+        fine.values.reshape(width, height, [UNSEEN; 3]);
+        fine.scale = sensor.scale_of_values();
+        let rows = image.pixels_mut().par_chunks_mut(width);
+        rows.zip(fine.values.pixels_mut().par_chunks_mut(width)).enumerate().for_each(|(y, (row, fine))| {
+            for (x, (pixel, fine)) in row.iter_mut().zip(fine).enumerate() {
+                let (exposure, values) = sensor.pixel(x, y);
+                *pixel = coded(thresholds, exposure);
+                *fine = values;
+            }
+        });
     }
 
     /// The picture's exposure X = radiance times effective exposure in seconds, as the response has it; `out` is reshaped.
@@ -156,7 +195,7 @@ impl Developer {
         match self.sensor(pixels) {
             Some(sensor) => rows.enumerate().for_each(|(y, row)| {
                 for (x, pixel) in row.iter_mut().enumerate() {
-                    *pixel = sensor.exposure(x, y);
+                    *pixel = sensor.pixel(x, y).0;
                 }
             }),
             None => rows.enumerate().for_each(|(y, row)| {
@@ -177,6 +216,7 @@ impl Developer {
             order,
             depth,
             black: black * full,
+            saturated: (full * (black + SATURATED * (white - black))).ceil() as u32,
             scale: std::array::from_fn(|c| {
                 self.exposure_of_value[c][255] * white_balance[c] / ((white - black) * full)
             }),
@@ -224,43 +264,15 @@ fn each_value(pixels: &FramePixels, y: usize, mut put: impl FnMut(usize, [u8; 3]
     }
 }
 
-/// A Bayer sensor's picture.
-struct Sensor<'a> {
-    bytes: &'a [u8],
-    stride: usize,
-    size: (usize, usize),
-    order: BayerOrder,
-    depth: BayerDepth,
-    black: f32,
-    /// From a value without black to the exposure, for each channel.
-    scale: [f32; 3],
+/// The response's nearest values.
+fn coded(thresholds: &[[f32; 256]; 3], exposure: [f32; 3]) -> [u8; 3] {
+    std::array::from_fn(|c| thresholds[c].partition_point(|edge| *edge <= exposure[c]).min(255) as u8)
 }
 
-impl Sensor<'_> {
-    /// The exposure at a pixel: its own channel as it is, the others as the mean of those of the 3 x 3 around it that lie in
-    /// the picture; where there are none (a picture one pixel wide), its own.
-    fn exposure(&self, x: usize, y: usize) -> [f32; 3] {
-        let (width, height) = self.size;
-        let own = self.order.channel(x, y);
-        let here = self.value(x, y);
-        let (mut sum, mut count) = ([0.0f32; 3], [0.0f32; 3]);
-        for v in y.saturating_sub(1)..(y + 2).min(height) {
-            for u in x.saturating_sub(1)..(x + 2).min(width) {
-                let channel = self.order.channel(u, v);
-                sum[channel] += self.value(u, v);
-                count[channel] += 1.0;
-            }
-        }
-        std::array::from_fn(|c| {
-            let value = if c == own || count[c] == 0.0 { here } else { sum[c] / count[c] };
-            value * self.scale[c]
-        })
-    }
-
-    fn value(&self, x: usize, y: usize) -> f32 {
-        let start = y * self.stride;
-        (f32::from(self.depth.value(&self.bytes[start..], x)) - self.black).max(0.0)
-    }
+/// A picture out of those made that nobody else holds, or a new one.
+fn take_free<P: Default>(made: &mut Vec<Arc<P>>) -> Arc<P> {
+    let free = made.iter_mut().position(|picture| Arc::get_mut(picture).is_some());
+    free.map_or_else(Arc::default, |at| made.swap_remove(at))
 }
 
 #[cfg(test)]

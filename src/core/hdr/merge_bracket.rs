@@ -1,4 +1,6 @@
-//! Merges one bracket to linear radiance [DM97].
+//! Merges one bracket to linear radiance [DM97]: 8-bit values through a response, or what a sensor gave ([`merge_sensor`]).
+
+mod sensor;
 
 use crate::math::sh::Real;
 use crate::model::{
@@ -7,6 +9,7 @@ use crate::model::{
     response::Response,
 };
 use rayon::prelude::*;
+pub use sensor::{SensorTerms, check_sensor, merge_sensor};
 
 /// Most pictures that one merge takes. Live brackets have at most 9 (`Quality::brackets`).
 pub const MAX_PICTURES: usize = 16;
@@ -142,11 +145,20 @@ pub fn merge_pixels<T: MergeReal>(
 
 /// Width and height, if the bracket fits together.
 pub fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, usize), MergeError> {
-    if pictures.is_empty() || pictures.len() > MAX_PICTURES {
-        return Err(MergeError::Pictures(pictures.len()));
+    check_sizes(pictures.iter().map(|picture| (picture.width(), picture.height())), exposures)
+}
+
+/// The same for pictures of any kind that have these sizes.
+fn check_sizes(
+    sizes: impl ExactSizeIterator<Item = (usize, usize)>,
+    exposures: &[Exposure],
+) -> Result<(usize, usize), MergeError> {
+    let pictures = sizes.len();
+    if pictures == 0 || pictures > MAX_PICTURES {
+        return Err(MergeError::Pictures(pictures));
     }
-    if pictures.len() != exposures.len() {
-        return Err(MergeError::Exposures { pictures: pictures.len(), exposures: exposures.len() });
+    if pictures != exposures.len() {
+        return Err(MergeError::Exposures { pictures, exposures: exposures.len() });
     }
     for (picture, exposure) in exposures.iter().enumerate() {
         let effective_s = exposure.effective_s();
@@ -154,9 +166,11 @@ pub fn check(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<(usize, 
             return Err(MergeError::Exposure { picture, effective_s });
         }
     }
-    let first = (pictures[0].width(), pictures[0].height());
-    for (picture, image) in pictures.iter().enumerate() {
-        let size = (image.width(), image.height());
+    let mut first = (0, 0);
+    for (picture, size) in sizes.enumerate() {
+        if picture == 0 {
+            first = size;
+        }
         if size != first || size.0 == 0 || size.1 == 0 {
             return Err(MergeError::Size { picture, size, first });
         }

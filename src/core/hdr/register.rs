@@ -1,8 +1,10 @@
 //! An older frame as the newest camera would have seen it.
 
+mod coded;
+mod sensor;
+
 use super::{
     linear_light::LinearLight,
-    merge_bracket::weight,
     reflected_point::{MirroredPlace, point_reflecting},
 };
 use crate::{
@@ -11,10 +13,18 @@ use crate::{
         pose::Pose,
         sphere::{Reflection, reflect_off_sphere},
     },
-    model::{frame::Exposure, image::Rgb8Image, response::Response, rig::MirrorBall},
+    model::{
+        image::{Image, Rgb8Image},
+        rig::MirrorBall,
+        sensor::{SensorImage, UNSEEN as UNSEEN_VALUE},
+    },
 };
+use coded::CodedWarp;
+pub(super) use coded::sample;
+pub use coded::{BoundFill, SATURATED};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use sensor::SensorWarp;
 
 /// Side of a grid cell in pixels: within it the warp is interpolated.
 const CELL: usize = 8;
@@ -29,42 +39,19 @@ const ONE: i32 = 1 << FRACTION;
 const UNSEEN: [i32; 2] = [i32::MIN; 2];
 /// A camera that moves no pixel farther than this has not moved.
 const STILL_PX: f64 = 0.1;
-/// An 8-bit value from which a tap counts as saturated (noise and compression blur the end of the scale).
-pub const SATURATED: u8 = 253;
 
-/// What stands in for pixels that the older frame did not see: a value of no weight where the newest frame knows the
-/// radiance; where the newest frame is black or saturated, what the older exposure would have made of that bound.
-/// *So the merge at such a pixel never claims more than the newest frame does.*
-#[derive(Clone, Debug, PartialEq)]
-pub struct BoundFill {
-    /// For each channel: where the newest value is 0, and where it is 255.
-    ends: [[u8; 2]; 3],
-}
+/// A picture that is warped.
+trait Warped: Sync {
+    type Pixel: Send;
 
-impl BoundFill {
-    /// For an older frame's exposure beside the newest one's.
-    pub fn new(response: &Response, newest: Exposure, older: Exposure) -> Self {
-        let (newest_s, older_s) = (newest.effective_s(), older.effective_s());
-        let seen_as = |channel: usize, z: usize| {
-            let exposure = response.log_exposure()[channel][z].exp() * (older_s / newest_s) as f32;
-            response.value_of(channel, exposure).round().clamp(1.0, 254.0) as u8
-        };
-        let ends = std::array::from_fn(|c| {
-            let black = if older_s <= newest_s { 0 } else { seen_as(c, 0) };
-            let saturated = if older_s >= newest_s { 255 } else { seen_as(c, 255) };
-            [black, saturated]
-        });
-        Self { ends }
-    }
+    /// The value at a continuous pixel position of the older picture whose four taps lie within it, not in its last row.
+    fn inside(&self, at: [i32; 2]) -> Self::Pixel;
 
-    fn pixel(&self, newest: [u8; 3]) -> [u8; 3] {
-        std::array::from_fn(|c| match newest[c] {
-            0 => self.ends[c][0],
-            255 => self.ends[c][1],
-            z if weight(z) > 0 && z < 128 => 0,
-            _ => 255,
-        })
-    }
+    /// The value at any position; `None` outside the picture.
+    fn sample(&self, at: [i32; 2], on_ball: bool) -> Option<Self::Pixel>;
+
+    /// What stands at a pixel of the newest picture that the older one did not see.
+    fn unseen(&self, x: usize, y: usize) -> Self::Pixel;
 }
 
 /// Warps older frames into the newest frame's view: pixels of the mirror ball through its reflection, all others
@@ -239,42 +226,54 @@ impl Warp {
         (fill, light): (&BoundFill, &LinearLight),
         out: &mut Rgb8Image,
     ) {
-        let (width, height) = (self.lens.width as usize, self.lens.height as usize);
-        let sized = |p: &Rgb8Image| (p.width(), p.height()) == (width, height);
-        if !(sized(older) && sized(newest)) || width == 0 {
+        if !(self.fits(older) && self.fits(newest)) {
             out.clone_from(older);
             return;
         }
-        out.reshape(width, height, [0; 3]);
-        out.pixels_mut().par_chunks_mut(CELL * width).enumerate().for_each(|(band, rows)| {
+        out.reshape(older.width(), older.height(), [0; 3]);
+        self.draw(&CodedWarp { older, newest, fill, light }, out.pixels_mut());
+    }
+
+    /// The same for pictures at their sensor's fineness, in linear light: a channel of which one tap is saturated comes out as
+    /// clipped, what was not seen as unseen.
+    pub fn apply_to_sensor(&self, older: &SensorImage, out: &mut SensorImage) {
+        if !self.fits(&older.values) {
+            out.clone_from(older);
+            return;
+        }
+        out.scale = older.scale;
+        out.values.reshape(older.values.width(), older.values.height(), [UNSEEN_VALUE; 3]);
+        self.draw(&SensorWarp(older), out.values.pixels_mut());
+    }
+
+    fn fits<P: Clone>(&self, picture: &Image<P>) -> bool {
+        let size = (self.lens.width as usize, self.lens.height as usize);
+        (picture.width(), picture.height()) == size && size.0 > 0
+    }
+
+    fn draw<W: Warped>(&self, warped: &W, out: &mut [W::Pixel]) {
+        let width = self.lens.width as usize;
+        out.par_chunks_mut(CELL * width).enumerate().for_each(|(band, rows)| {
             for (j, row) in rows.chunks_mut(width).enumerate() {
-                let y = band * CELL + j;
-                self.surface_row(y, older, newest.row(y), fill, row);
+                self.surface_row(band * CELL + j, warped, row);
             }
-            self.ball_rows(band * CELL, older, newest, (fill, light), rows);
+            self.ball_rows(band * CELL, warped, rows);
         });
     }
 
     /// One row as if there were no ball in front.
-    fn surface_row(
-        &self,
-        y: usize,
-        older: &Rgb8Image,
-        newest: &[[u8; 3]],
-        fill: &BoundFill,
-        out: &mut [[u8; 3]],
-    ) {
+    fn surface_row<W: Warped>(&self, y: usize, warped: &W, out: &mut [W::Pixel]) {
         let (band, j) = (y / CELL, (y % CELL) as i32);
         let upper = &self.nodes[band * self.columns..];
         let lower = &self.nodes[(band + 1) * self.columns..];
-        let (width, bytes) = (older.width(), older.pixels().as_flattened());
         // Where the four taps exist, with a row to spare.
-        let size = [width as i32 - 1, older.height() as i32 - 2].map(|v| v * ONE);
+        let size = [self.lens.width as i32 - 1, self.lens.height as i32 - 2].map(|v| v * ONE);
         let [hidden_from, hidden_to] = self.older.ball_box.map(|corner| corner.map(|v| v as i32 * ONE));
-        for (cell, (out, newest)) in out.chunks_mut(CELL).zip(newest.chunks(CELL)).enumerate() {
+        for (cell, out) in out.chunks_mut(CELL).enumerate() {
+            let unseen = |k: usize| warped.unseen(cell * CELL + k, y);
             let corners = [upper[cell], upper[cell + 1], lower[cell], lower[cell + 1]];
             if corners.contains(&UNSEEN) {
-                out.iter_mut().zip(newest).for_each(|(out, newest)| *out = fill.pixel(*newest));
+                out.iter_mut().enumerate().for_each(|(k, out)| *out = unseen(k));
                 continue;
             }
             let left: [i32; 2] = std::array::from_fn(|a| between::<CELL>(corners[0][a], corners[2][a], j));
@@ -286,21 +285,21 @@ impl Warp {
             let centre = std::array::from_fn(|a| (left[a] + right[a]) / 2);
             let maybe_hidden = maybe_hidden && self.within(centre, self.older.cell_cosines[0]);
             if maybe_hidden && self.within(centre, self.older.cell_cosines[1]) {
-                out.iter_mut().zip(newest).for_each(|(out, newest)| *out = fill.pixel(*newest));
+                out.iter_mut().enumerate().for_each(|(k, out)| *out = unseen(k));
                 continue;
             }
             if inside && !maybe_hidden {
-                out.iter_mut().enumerate().for_each(|(k, out)| *out = sample_inside(bytes, width, at(k)));
+                out.iter_mut().enumerate().for_each(|(k, out)| *out = warped.inside(at(k)));
                 continue;
             }
-            for (k, (out, newest)) in out.iter_mut().zip(newest).enumerate() {
+            for (k, out) in out.iter_mut().enumerate() {
                 let at = at(k);
                 let seen = if maybe_hidden && self.within(at, self.older.ball_cosine) {
                     None
                 } else {
-                    sample(older, at, None)
+                    warped.sample(at, false)
                 };
-                *out = seen.unwrap_or_else(|| fill.pixel(*newest));
+                *out = seen.unwrap_or_else(|| unseen(k));
             }
         }
     }
@@ -313,16 +312,9 @@ impl Warp {
     }
 
     /// The ball's pixels in the rows of one band from row `top` on.
-    fn ball_rows(
-        &self,
-        top: usize,
-        older: &Rgb8Image,
-        newest: &Rgb8Image,
-        (fill, light): (&BoundFill, &LinearLight),
-        rows: &mut [[u8; 3]],
-    ) {
+    fn ball_rows<W: Warped>(&self, top: usize, warped: &W, rows: &mut [W::Pixel]) {
         let [from, to] = self.newest.ball_box;
-        let width = newest.width();
+        let width = self.lens.width as usize;
         let bottom = (top + rows.len() / width).min(to[1]);
         for y0 in (top..bottom).step_by(BALL_CELL).filter(|y0| y0 + BALL_CELL > from[1]) {
             // Both corners at the left of the cell, and what the warp knows from there.
@@ -362,8 +354,8 @@ impl Warp {
                             },
                         };
                         rows[(y - top) * width + x] = seen
-                            .and_then(|at| sample(older, at, Some(light)))
-                            .unwrap_or_else(|| fill.pixel(*newest.at(x, y)));
+                            .and_then(|at| warped.sample(at, true))
+                            .unwrap_or_else(|| warped.unseen(x, y));
                     }
                 }
             }
@@ -432,67 +424,6 @@ fn surface_pixel(lens: &Lens, newest: &BallCamera, older: &BallCamera, ray: DVec
 pub(super) fn fixed(pixel: DVec2) -> [i32; 2] {
     let one = |v: f64| (v.clamp(-3e4, 3e4) * f64::from(ONE)).round() as i32;
     if pixel.is_nan() { UNSEEN } else { [one(pixel.x), one(pixel.y)] }
-}
-
-/// The bilinear value at a continuous pixel position, in linear light where that is given; `None` outside the picture.
-pub(super) fn sample(picture: &Rgb8Image, at: [i32; 2], light: Option<&LinearLight>) -> Option<[u8; 3]> {
-    let (width, height) = (picture.width() as i32, picture.height() as i32);
-    if at[0] < 0 || at[1] < 0 || at[0] >= width * ONE || at[1] >= height * ONE {
-        return None;
-    }
-    // Pixel centres are at +0.5; at the border the outermost pixel goes on.
-    let (x, y) = (at[0] - ONE / 2, at[1] - ONE / 2);
-    let (i, j) = (x >> FRACTION, y >> FRACTION);
-    let columns = [i.max(0) as usize, (i + 1).min(width - 1) as usize];
-    let rows = [picture.row(j.max(0) as usize), picture.row((j + 1).min(height - 1) as usize)];
-    let taps = [rows[0][columns[0]], rows[0][columns[1]], rows[1][columns[0]], rows[1][columns[1]]];
-    let lanes = taps.map(|[r, g, b]| u64::from(r) | u64::from(g) << LANE | u64::from(b) << (2 * LANE));
-    let mut pixel = blend(lanes, x, y);
-    if let Some(light) = light {
-        light.mend(taps, bilinear_weights(x, y), &mut pixel);
-    }
-    Some(pixel)
-}
-
-/// Weights of the four taps (left and right above, left and right below) in steps of 1/64 pixel; they sum to 4096.
-fn bilinear_weights(x: i32, y: i32) -> [u64; 4] {
-    let part = |v: i32| ((v & (ONE - 1)) >> (FRACTION - 6)) as u64;
-    let (s, t) = (part(x), part(y));
-    [(64 - s) * (64 - t), s * (64 - t), (64 - s) * t, s * t]
-}
-
-/// As [`sample`] where all four taps lie within the picture, not in its last row: `bytes` are its pixels.
-fn sample_inside(bytes: &[u8], width: usize, at: [i32; 2]) -> [u8; 3] {
-    let (x, y) = (at[0] - ONE / 2, at[1] - ONE / 2);
-    let first = 3 * ((y >> FRACTION) as usize * width + (x >> FRACTION) as usize);
-    // Eight bytes hold the two pixels side by side.
-    let pair = |start: usize| bytes[start..].first_chunk().map_or(0, |eight| u64::from_le_bytes(*eight));
-    let spread = |p: u64| (p & 0xff) | (p & 0xff00) << (LANE - 8) | (p & 0xff_0000) << (2 * LANE - 16);
-    let (upper, lower) = (pair(first), pair(first + 3 * width));
-    blend([spread(upper), spread(upper >> 24), spread(lower), spread(lower >> 24)], x, y)
-}
-
-/// Bits of one channel in a word that holds all three: room for 8 bits times two 6-bit weights.
-const LANE: u32 = 20;
-/// A one in each channel.
-const LANES: u64 = 1 | 1 << LANE | 1 << (2 * LANE);
-
-/// Blends four taps with [`bilinear_weights`]; a channel in which one is saturated becomes 255.
-fn blend(taps: [u64; 4], x: i32, y: i32) -> [u8; 3] {
-    let sum: u64 = taps.iter().zip(bilinear_weights(x, y)).map(|(tap, weight)| tap * weight).sum::<u64>()
-        + (LANES << 11);
-    let mut pixel = [sum >> 12, sum >> (12 + LANE), sum >> (12 + 2 * LANE)].map(|v| v as u8);
-    // A channel at or above the limit carries into its ninth bit.
-    let carry = LANES * (256 - SATURATED as u64);
-    let saturated = taps.iter().fold(0, |any, tap| any | (tap + carry)) & (LANES << 8);
-    if saturated != 0 {
-        for (channel, z) in pixel.iter_mut().enumerate() {
-            if saturated >> (8 + LANE as usize * channel) & 1 == 1 {
-                *z = 255;
-            }
-        }
-    }
-    pixel
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::{
     linear_light::LinearLight,
-    merge_bracket::{MAX_PICTURES, MergeError, merge_bracket},
+    merge_bracket::{MAX_PICTURES, MergeError, merge_bracket, merge_sensor},
     register::{BoundFill, SATURATED, Warp},
 };
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
         image::{HdrImage, Rgb8Image},
         response::Response,
         rig::MirrorBall,
+        sensor::SensorImage,
     },
 };
 use std::sync::Arc;
@@ -46,13 +47,21 @@ pub enum SlidingError {
 #[derive(Debug)]
 struct RingFrame {
     pixels: Arc<Rgb8Image>,
+    sensor: Option<Arc<SensorImage>>,
     exposure: Exposure,
     world_from_camera: Option<Pose>,
     /// Number of the push that brought it.
     pushed: u64,
     /// The picture as the newest camera would have seen it, with a clean end of the scale, where `is_redrawn`.
-    redrawn: Rgb8Image,
+    redrawn: Redrawn,
     is_redrawn: bool,
+}
+
+/// Memory for one frame as the newest camera would have seen it.
+#[derive(Debug, Default)]
+struct Redrawn {
+    coded: Rgb8Image,
+    sensor: SensorImage,
 }
 
 /// The last frames of different exposures, seen from the newest frame's pose.
@@ -67,10 +76,30 @@ pub struct SlidingMerge {
     /// Newest first.
     slots: Vec<RingFrame>,
     /// Buffers of dropped slots, to be used again.
-    spare: Vec<Rgb8Image>,
+    spare: Vec<Redrawn>,
     pushes: u64,
     /// Stands in unused places.
     empty: Rgb8Image,
+}
+
+/// The ring's pictures as their sensor gave them, as the newest camera would have seen them, newest first.
+#[derive(Clone, Copy, Debug)]
+pub struct RegisteredSensor<'a> {
+    pictures: [&'a SensorImage; MAX_PICTURES],
+    exposures: [Exposure; MAX_PICTURES],
+    count: usize,
+}
+
+impl<'a> RegisteredSensor<'a> {
+    /// The pictures, newest first; all of one size.
+    pub fn pictures(&self) -> &[&'a SensorImage] {
+        &self.pictures[..self.count]
+    }
+
+    /// One for each picture.
+    pub fn exposures(&self) -> &[Exposure] {
+        &self.exposures[..self.count]
+    }
 }
 
 /// The ring's pictures as the newest camera would have seen them, newest first.
@@ -143,6 +172,8 @@ impl SlidingMerge {
         self.spare.extend(self.slots.drain(kept..).map(|slot| slot.redrawn));
         let slot = RingFrame {
             pixels: Arc::clone(&frame.pixels),
+            // A picture of another size is none of this frame's.
+            sensor: frame.sensor.as_ref().filter(|sensor| sensor.size() == size).map(Arc::clone),
             exposure: frame.exposure,
             world_from_camera,
             pushed: self.pushes,
@@ -165,7 +196,7 @@ impl SlidingMerge {
                 slot.is_redrawn = poses.is_some_and(|(newest, older)| self.warp.aim(&newest, &older));
                 if slot.is_redrawn {
                     let fill = BoundFill::new(response, newest.exposure, slot.exposure);
-                    self.warp.apply(&slot.pixels, &newest.pixels, (&fill, &light), &mut slot.redrawn);
+                    self.warp.apply(&slot.pixels, &newest.pixels, (&fill, &light), &mut slot.redrawn.coded);
                 }
             }
         }
@@ -184,10 +215,40 @@ impl SlidingMerge {
             count,
         };
         for (k, slot) in self.slots.iter().enumerate() {
-            registered.pictures[k] = if slot.is_redrawn { &slot.redrawn } else { &*slot.pixels };
+            registered.pictures[k] = if slot.is_redrawn { &slot.redrawn.coded } else { &*slot.pixels };
             registered.exposures[k] = slot.exposure;
         }
         registered
+    }
+
+    /// As [`SlidingMerge::registered`], at the sensor's own fineness; `None` unless every frame in the ring came with it. What an
+    /// older frame did not see is unseen there.
+    pub fn registered_sensor(&mut self) -> Option<RegisteredSensor<'_>> {
+        if self.slots.iter().any(|slot| slot.sensor.is_none()) {
+            return None;
+        }
+        if let Some((newest, older)) = self.slots.split_first_mut() {
+            newest.is_redrawn = false;
+            for slot in older {
+                let poses = newest.world_from_camera.zip(slot.world_from_camera);
+                slot.is_redrawn = poses.is_some_and(|(newest, older)| self.warp.aim(&newest, &older));
+                if let (true, Some(sensor)) = (slot.is_redrawn, &slot.sensor) {
+                    self.warp.apply_to_sensor(sensor, &mut slot.redrawn.sensor);
+                }
+            }
+        }
+        let first = self.slots.first()?;
+        let mut registered = RegisteredSensor {
+            pictures: [first.sensor.as_deref()?; MAX_PICTURES],
+            exposures: [first.exposure; MAX_PICTURES],
+            count: self.slots.len(),
+        };
+        for (k, slot) in self.slots.iter().enumerate() {
+            let redrawn = slot.is_redrawn.then_some(&slot.redrawn.sensor);
+            registered.pictures[k] = redrawn.or(slot.sensor.as_deref())?;
+            registered.exposures[k] = slot.exposure;
+        }
+        Some(registered)
     }
 
     /// In pictures that were not warped, and of which the ring holds a shorter exposure, sets the values at the end of
@@ -200,17 +261,21 @@ impl SlidingMerge {
                 continue;
             }
             let (width, height) = (slot.pixels.width(), slot.pixels.height());
-            slot.redrawn.reshape(width, height, [0; 3]);
+            slot.redrawn.coded.reshape(width, height, [0; 3]);
             let values = slot.pixels.pixels().as_flattened();
-            for (out, z) in slot.redrawn.pixels_mut().as_flattened_mut().iter_mut().zip(values) {
+            for (out, z) in slot.redrawn.coded.pixels_mut().as_flattened_mut().iter_mut().zip(values) {
                 *out = if *z >= SATURATED { 255 } else { *z };
             }
             slot.is_redrawn = true;
         }
     }
 
-    /// Registers and merges ([`merge_bracket`]) what the ring holds.
+    /// Registers and merges what the ring holds: as the sensor gave it ([`merge_sensor`]) where it did, else by
+    /// [`merge_bracket`].
     pub fn merge(&mut self, response: &Response, out: &mut HdrImage) -> Result<(), MergeError> {
+        if let Some(registered) = self.registered_sensor() {
+            return merge_sensor(registered.pictures(), registered.exposures(), out);
+        }
         let registered = self.registered(response);
         merge_bracket(registered.pictures(), registered.exposures(), response, out)
     }
@@ -228,6 +293,7 @@ mod tests {
             t_mid: Timestamp(0),
             exposure: Exposure { time_s, gain: 1.0 },
             pixels: Arc::new(Rgb8Image::filled(64, 48, [z; 3])),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         }

@@ -1,6 +1,8 @@
 //! What a camera delivers.
 
-use super::{image::Rgb8Image, pixels::FramePixels, response::Response, time::Timestamp};
+use super::{
+    image::Rgb8Image, pixels::FramePixels, response::Response, sensor::SensorImage, time::Timestamp,
+};
 use std::sync::Arc;
 
 /// What the sensor truly applied to one frame.
@@ -19,7 +21,7 @@ impl Exposure {
     }
 }
 
-/// One camera frame, ready for the stages: 8-bit RGB.
+/// One camera frame, ready for the stages: 8-bit RGB, and what the sensor gave.
 #[derive(Clone, Debug)]
 pub struct RawFrame {
     /// Counts every frame that the camera made; a gap means frames were lost.
@@ -30,6 +32,8 @@ pub struct RawFrame {
     pub exposure: Exposure,
     /// 8-bit RGB through the camera's response.
     pub pixels: Arc<Rgb8Image>,
+    /// The same picture as finely as the sensor gave it, where that is finer than 8 bits: frames are merged by it then.
+    pub sensor: Option<Arc<SensorImage>>,
     /// Seconds from the exposure of one row to that of the next (rolling shutter); 0: all rows at once. `t_mid` is the middle
     /// row's.
     pub row_time_s: f64,

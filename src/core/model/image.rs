@@ -69,7 +69,8 @@ pub type RadianceImage = Image<[f32; 3]>;
 
 /// The channel's radiance is only known to be at least this (saturated in the shortest exposure).
 pub const LOWER_BOUND: u8 = 1;
-/// The channel's radiance is only known to be at most this (black in the longest exposure).
+/// The channel's radiance is only known to be at most this (black in the longest exposure). Merged at a sensor's own fineness it
+/// is the best estimate of what is not told from none.
 pub const UPPER_BOUND: u8 = 2;
 /// The value was not finite and has been replaced.
 pub const NOT_FINITE: u8 = 4;

@@ -21,5 +21,6 @@ pub mod response;
 pub mod rig;
 pub mod room;
 pub mod scene;
+pub mod sensor;
 pub mod time;
 pub mod transfer;

@@ -203,7 +203,8 @@ impl FrameSource for SyntheticSource {
             light: self.place.light,
             to_light_world: truth::dominant_direction(&self.place.light),
         });
-        Ok(RawFrame { sequence, t_mid, exposure, pixels: Arc::new(pixels), row_time_s: 0.0, response: None })
+        let pixels = Arc::new(pixels);
+        Ok(RawFrame { sequence, t_mid, exposure, pixels, sensor: None, row_time_s: 0.0, response: None })
     }
 
     fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {

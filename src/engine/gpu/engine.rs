@@ -8,7 +8,8 @@ use super::{
     relight::{Relighter, ready},
 };
 use crate::{
-    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput, Timings,
+    Bracket, Engine, EngineError, LightJob, LiveMemory, MeasuredLight, NearChoice, RelightInput,
+    SensorBracket, Timings,
     frame::{check_frame, check_light},
     hdr::merge_bracket,
     light::{
@@ -182,6 +183,26 @@ impl Engine for GpuEngine {
         self.gpu.context.live.serve(Pass::MergeBracket);
         let merge = ready(&mut self.merge, &self.gpu.context, MergeBracket::new)?;
         merge.run(&mut self.gpu, bracket, response, out)
+    }
+
+    fn merge_sensor(&mut self, bracket: &SensorBracket<'_>, out: &mut HdrImage) -> Result<(), EngineError> {
+        let size = merge_bracket::check_sensor(bracket.pictures, bracket.exposures)
+            .map_err(|error| EngineError::Input(error.to_string()))?;
+        let bytes_a_pixel = (6 * bracket.pictures.len()).max(13);
+        if self.on_cpu.has(Pass::MergeBracket)
+            || !self.gpu.context.binds(size.0 * size.1 * bytes_a_pixel + 64)
+        {
+            return self
+                .gpu
+                .timer
+                .host(Pass::MergeBracket, || {
+                    merge_bracket::merge_sensor(bracket.pictures, bracket.exposures, out)
+                })
+                .map_err(|error| EngineError::Input(error.to_string()));
+        }
+        self.gpu.context.live.serve(Pass::MergeBracket);
+        let merge = ready(&mut self.merge, &self.gpu.context, MergeBracket::new)?;
+        merge.run_sensor(&mut self.gpu, bracket, out)
     }
 
     fn estimate_light(

@@ -260,6 +260,7 @@ mod tests {
             t_mid: Timestamp(sequence as i64),
             exposure: Exposure { time_s: 0.01, gain: 1.0 },
             pixels: Arc::new(Image::filled(1, 1, [0; 3])),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         }

@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::device::Clock;
-use crate::engine::{Bracket, Engine, EngineError, LightJob};
+use crate::engine::{Bracket, Engine, EngineError, LightJob, SensorBracket};
 use crate::hdr::sliding::{SlidingError, SlidingMerge};
 use crate::light::follow::Follow;
 use crate::light::halve::HalveOptions;
@@ -81,6 +81,15 @@ impl Lighting {
     ) -> Result<Timestamp, GatherError> {
         self.sliding.keep(options.quality.brackets);
         self.sliding.push(frame, pose.map(|p| p.world_from_camera))?;
+        // What the sensor gave is finer than the 8 bits made of it.
+        if let Some(registered) = self.sliding.registered_sensor() {
+            let warped = watch.now();
+            let bracket =
+                SensorBracket { pictures: registered.pictures(), exposures: registered.exposures() };
+            engine.merge_sensor(&bracket, &mut self.picture)?;
+            self.bracket = bracket.pictures.len();
+            return Ok(warped);
+        }
         let registered = self.sliding.registered(response);
         let warped = watch.now();
         let bracket = Bracket { pictures: registered.pictures(), exposures: registered.exposures() };

@@ -363,6 +363,7 @@ mod tests {
             t_mid: Timestamp::from_seconds(seconds),
             exposure: Exposure { time_s: 0.01, gain: 1.0 },
             pixels: Arc::new(pixels.expect("all pixels")),
+            sensor: None,
             row_time_s: 0.0,
             response: None,
         }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::math::dice::Dice;
-use crate::model::pixels::{PixelLayout, PixelPool, YuvMatrix, YuvRange};
+use crate::model::pixels::{BayerDepth, BayerOrder, PixelLayout, PixelPool, YuvMatrix, YuvRange};
+use crate::model::sensor::CLIPPED;
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use proptest::prelude::*;
 
@@ -115,6 +116,9 @@ proptest! {
         let (mut image, mut light) = (Rgb8Image::default(), RadianceImage::default());
         developer.rgb8(&pixels, &mut image).unwrap();
         developer.linear(&pixels, &mut light).unwrap();
+        let developed = developer.develop(&pixels).unwrap();
+        prop_assert!(*developed.pixels == image);
+        prop_assert_eq!(developed.sensor.is_some(), depth != BayerDepth::Bits8);
         let white = f64::from(depth.white());
         let linear = |x: usize, y: usize| {
             let raw = f64::from(depth.value(pixels.row(y), x)) - f64::from(black) * white;
@@ -139,6 +143,30 @@ proptest! {
                     let value = f32::from(image.at(x, y)[c]);
                     let wanted = response.value_of(c, light.at(x, y)[c]);
                     prop_assert!((value - wanted).abs() <= 0.51, "{value} {wanted}");
+                    let Some(sensor) = &developed.sensor else { continue };
+                    // As the sensor gave it: nothing is cut off below black, and what is saturated takes its neighbours along.
+                    let own_or_near: Vec<f64> = near(y, height)
+                        .flat_map(|v| near(x, width).map(move |u| (u, v)))
+                        .filter(|&(u, v)| if is_own { (u, v) == (x, y) } else { order.channel(u, v) == c })
+                        .map(|(u, v)| f64::from(depth.value(pixels.row(v), u)))
+                        .collect();
+                    let found = sensor.values.at(x, y)[c];
+                    let level = f64::from(black) + 0.98 * (0.9 - f64::from(black));
+                    let margin = own_or_near.iter().map(|raw| raw / white - level).fold(f64::MIN, f64::max);
+                    if margin.abs() * white <= 1.0 {
+                        continue;
+                    }
+                    prop_assert_eq!(found == CLIPPED, margin > 0.0);
+                    if margin < 0.0 {
+                        let raw = own_or_near.iter().sum::<f64>() / own_or_near.len() as f64;
+                        let exact = (raw - f64::from(black) * white) / ((0.9 - f64::from(black)) * white)
+                            * f64::from(options.white_balance[c]);
+                        let scale = &sensor.scale;
+                        let exposure = f64::from(scale.exposure_per_value[c]) * (f64::from(found) - f64::from(scale.black));
+                        // Half a value of rounding, and one that is kept for what is unseen.
+                        let allowed = f64::from(scale.exposure_per_value[c]) * 1.01 + 1e-6;
+                        prop_assert!((exposure - exact).abs() <= allowed, "{x} {y} {c}: {exposure} {exact}");
+                    }
                 }
             }
         }
@@ -260,7 +288,7 @@ fn a_saturated_sensor_is_255_and_black_is_0() {
 fn an_image_of_ours_stays_itself_and_others_share_a_few_pictures() {
     let mut developer = developer(SensorOptions::default());
     let image = Arc::new(Rgb8Image::filled(4, 2, [9, 8, 7]));
-    assert!(Arc::ptr_eq(&developer.develop(&Arc::clone(&image).into()).unwrap(), &image));
+    assert!(Arc::ptr_eq(&developer.develop(&Arc::clone(&image).into()).unwrap().pixels, &image));
     assert_eq!(developer.pictures_made(), 0);
     // A camera with four buffers; whoever uses the pictures holds three of them.
     let layout = PixelLayout::packed(PixelFormat::Yuyv, 4, 2);
@@ -270,7 +298,7 @@ fn an_image_of_ours_stays_itself_and_others_share_a_few_pictures() {
         let (k, memory) = pool.free().unwrap();
         memory.iter_mut().enumerate().for_each(|(i, b)| *b = if i % 2 == 0 { frame } else { 128 });
         let pixels = pool.lend(k, layout, layout.least_bytes()).unwrap().unwrap();
-        let picture = developer.develop(&pixels).unwrap();
+        let picture = developer.develop(&pixels).unwrap().pixels;
         assert!(picture.pixels().iter().all(|pixel| *pixel == [frame; 3]));
         held.push(picture);
         if held.len() > 3 {

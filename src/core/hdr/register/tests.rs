@@ -1,6 +1,11 @@
 //! Warps against pictures of an analytic room: a patterned surface, a patterned sky, a mirror ball.
 
 use super::*;
+use crate::model::{
+    frame::Exposure,
+    response::Response,
+    sensor::{CLIPPED, SensorScale},
+};
 
 const BALL: MirrorBall = MirrorBall {
     surface_radius_m: None,
@@ -168,6 +173,50 @@ fn a_saturated_tap_saturates() {
     assert!((2..=9).contains(&red.len()) && red.iter().all(|&z| z == 255), "{red:?}");
     assert!(out.pixels().iter().all(|p| p[2] < 252));
     assert!(out.pixels().iter().all(|p| p[1] == 90 || p[1] == 0), "nothing else changes");
+}
+
+/// 8-bit values as a sensor of 16 bits would have given them.
+fn of_sensor(picture: &Rgb8Image) -> SensorImage {
+    let values = picture.pixels().iter().map(|p| p.map(|z| 256 * u16::from(z) + 1)).collect();
+    let scale =
+        SensorScale { black: 1.0, saturated: 253 * 256, step: 256.0, exposure_per_value: [1.0 / 256.0; 3] };
+    SensorImage { values: Image::from_pixels(picture.width(), picture.height(), values).unwrap(), scale }
+}
+
+#[test]
+fn what_a_sensor_gave_is_registered_alike_and_finer() {
+    let (newest, older, lens) = (moved(), still(), lens());
+    let mut warp = Warp::new(&lens, Some(BALL));
+    assert!(warp.aim(&newest, &older));
+    let (truth, mut source) =
+        (picture(&newest, &lens, Some(&BALL), 1.0), picture(&older, &lens, Some(&BALL), 1.0));
+    *source.at_mut(20, 70) = [254, 90, 250];
+    let (mut coded, mut fine) = (Rgb8Image::default(), SensorImage::default());
+    // The newest picture is black and white: nothing that was not seen stays.
+    let newest = Rgb8Image::filled(200, 152, [255; 3]);
+    warp.apply(&source, &newest, (&equal_fill(), &light()), &mut coded);
+    warp.apply_to_sensor(&of_sensor(&source), &mut fine);
+    let (mut seen, mut unseen, mut clipped) = (0, 0, 0);
+    for (coded, fine) in coded.pixels().as_flattened().iter().zip(fine.values.pixels().as_flattened()) {
+        match (*coded, *fine) {
+            (255, UNSEEN_VALUE) => unseen += 1,
+            (255, CLIPPED) => clipped += 1,
+            (coded, fine) => {
+                // Half a value of rounding; where values differ little the 8-bit way blends them as they are.
+                assert!((f64::from(fine) / 256.0 - f64::from(coded)).abs() <= 0.52, "{coded} {fine}");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 80_000 && unseen > 100 && (2..=9).contains(&clipped), "{seen} {unseen} {clipped}");
+    let surface = |x, y| ball_radius(&moved(), &lens, x, y) > 2.0 && coded.at(x, y)[0] != 255;
+    let mean = |of: &dyn Fn(usize, usize) -> f64| {
+        let places = (0..152).flat_map(|y| (0..200).map(move |x| (x, y))).filter(|&(x, y)| surface(x, y));
+        places.map(|(x, y)| (of(x, y) - f64::from(truth.at(x, y)[0])).powi(2)).sum::<f64>()
+    };
+    let by_value = mean(&|x, y| f64::from(coded.at(x, y)[0]));
+    let by_sensor = mean(&|x, y| f64::from(fine.values.at(x, y)[0] - 1) / 256.0);
+    assert!(by_sensor < by_value, "{by_sensor} {by_value}");
 }
 
 #[test]

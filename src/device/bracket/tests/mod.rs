@@ -39,6 +39,7 @@ fn three_exposures_at_30_fps_give_30_merges_a_second() {
                 t_mid: t,
                 exposure,
                 pixels,
+                sensor: None,
                 row_time_s: 0.0,
                 response: None,
             };

@@ -1,7 +1,7 @@
-//! `hdr/merge_bracket` on the device. Twin: `hdr::merge_bracket`.
+//! `hdr/merge_bracket` on the device, for 8-bit values and for what sensors gave. Twin: `hdr::merge_bracket`.
 
 use crate::{
-    Bracket, EngineError,
+    Bracket, EngineError, SensorBracket,
     gpu::{
         buffers::{GrowingBuffer, Readback, whole_words, write_bytes},
         context::GpuContext,
@@ -9,16 +9,16 @@ use crate::{
         params::MergeParams,
         recorder::{Gpu, GpuRecorder},
     },
-    hdr::merge_bracket::weight,
+    hdr::merge_bracket::{SensorTerms, weight},
     model::{image::HdrImage, response::Response},
     plan::Pass,
 };
 
-/// `hdr/merge_bracket`: one invocation for four pixels (three words of packed bytes).
+/// `hdr/merge_bracket`: one invocation for four pixels (three words of packed bytes, or six of 16 bits).
 pub const KERNEL: KernelRow = KernelRow {
     pass: Pass::MergeBracket,
     sources: &[source!("hdr/merge_bracket")],
-    entries: &["merge"],
+    entries: &["merge", "merge_sensor"],
     bindings: &[
         Binding::new("params", BindingKind::Uniform),
         Binding::new("pictures", BindingKind::Read),
@@ -39,6 +39,7 @@ const ROW_GROUPS: u32 = 1024;
 pub struct MergeBracket {
     built: Built,
     pipeline: wgpu::ComputePipeline,
+    sensor_pipeline: wgpu::ComputePipeline,
     params: GrowingBuffer,
     pictures: GrowingBuffer,
     tables: GrowingBuffer,
@@ -55,9 +56,11 @@ impl MergeBracket {
     pub fn new(context: &GpuContext) -> Result<Self, EngineError> {
         let built = Built::new(context, &KERNEL)?;
         let pipeline = built.compute(context, "merge")?;
+        let sensor_pipeline = built.compute(context, "merge_sensor")?;
         Ok(Self {
             built,
             pipeline,
+            sensor_pipeline,
             params: GrowingBuffer::uniform("merge params"),
             pictures: GrowingBuffer::storage("bracket"),
             tables: GrowingBuffer::storage("merge tables"),
@@ -78,24 +81,53 @@ impl MergeBracket {
         response: &Response,
         out: &mut HdrImage,
     ) -> Result<(), EngineError> {
+        fill_tables(bracket, response, &mut self.host_tables);
+        let pictures = bracket.pictures.iter().map(|picture| bytemuck::cast_slice(picture.pixels()));
+        let size = (bracket.pictures[0].width(), bracket.pictures[0].height());
+        self.merge(gpu, PictureWords { size, words_a_quad: 3 }, pictures, out)
+    }
+
+    /// The same for what sensors gave.
+    pub fn run_sensor(
+        &mut self,
+        gpu: &mut Gpu,
+        bracket: &SensorBracket<'_>,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError> {
+        let terms = SensorTerms::of(bracket.pictures, bracket.exposures);
+        self.host_tables.clear();
+        for of in &terms[..bracket.pictures.len()] {
+            let [red, green, blue] = of.factor;
+            let numbers = [of.weight, of.black, of.saturated, of.fall, of.half_step, red, green, blue];
+            self.host_tables.extend(numbers);
+        }
+        let pictures = bracket.pictures.iter().map(|picture| bytemuck::cast_slice(picture.values.pixels()));
+        self.merge(gpu, PictureWords { size: bracket.pictures[0].size(), words_a_quad: 6 }, pictures, out)
+    }
+
+    /// Merges pictures that the tables are filled for.
+    fn merge<'a>(
+        &mut self,
+        gpu: &mut Gpu,
+        words: PictureWords,
+        pictures: impl ExactSizeIterator<Item = &'a [u8]>,
+        out: &mut HdrImage,
+    ) -> Result<(), EngineError> {
         let context = &gpu.context;
-        let (width, height) = (bracket.pictures[0].width(), bracket.pictures[0].height());
+        let (width, height) = words.size;
         let pixels = width * height;
         let quads = pixels.div_ceil(4);
         let (radiance_bytes, flag_bytes) = (quads * 48, quads * 4);
-        let row = LANES * ROW_GROUPS;
         let params = MergeParams {
             quads: quads as u32,
-            pictures: bracket.pictures.len() as u32,
-            picture_words: quads as u32 * 3,
-            row,
+            pictures: pictures.len() as u32,
+            picture_words: quads as u32 * words.words_a_quad,
+            row: LANES * ROW_GROUPS,
         };
-        fill_tables(bracket, response, &mut self.host_tables);
-        let picture_bytes = quads * 12;
-        let pictures = self.pictures.at_least(context, picture_bytes * bracket.pictures.len()).clone();
-        for (k, picture) in bracket.pictures.iter().enumerate() {
-            let bytes = bytemuck::cast_slice(picture.pixels());
-            write_bytes(context, &pictures, (k * picture_bytes) as u64, bytes);
+        let picture_bytes = 4 * params.picture_words as usize;
+        let bracket = self.pictures.at_least(context, picture_bytes * pictures.len()).clone();
+        for (k, bytes) in pictures.enumerate() {
+            write_bytes(context, &bracket, (k * picture_bytes) as u64, bytes);
         }
         let resources = [
             self.params.write(context, bytemuck::bytes_of(&params)),
@@ -105,11 +137,12 @@ impl MergeBracket {
             self.flags.bind(context, flag_bytes),
         ];
         let group = self.group.of(context, &self.built, &resources);
+        let pipeline = if words.words_a_quad == 3 { &self.pipeline } else { &self.sensor_pipeline };
 
         let mut recorder = GpuRecorder::new(context, &mut gpu.timer);
         let groups = quads.div_ceil(LANES as usize) as u32;
         recorder.compute(PASS, |pass| {
-            pass.set_pipeline(&self.pipeline);
+            pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
             pass.dispatch_workgroups(groups.min(ROW_GROUPS), groups.div_ceil(ROW_GROUPS), 1);
         })?;
@@ -129,6 +162,13 @@ impl MergeBracket {
             out.flags.pixels_mut().copy_from_slice(&flags[..pixels]);
         })
     }
+}
+
+/// How pictures lie on the device.
+struct PictureWords {
+    size: (usize, usize),
+    /// 32-bit words of four pixels of one picture.
+    words_a_quad: u32,
 }
 
 /// For each picture, channel and value w(z) (g(z) - ln t); then for each picture and channel g(255) - ln t and
