@@ -108,6 +108,69 @@ fn accuracy_is_bought_with_maps_and_the_page_stands_in_a_browser() {
     std::fs::remove_dir_all(&out).unwrap();
 }
 
+/// A small still whose truth is traced here.
+const BALL: &str = r#"
+[camera]
+lens = { width = 96, height = 72, fx = 100.0, fy = 100.0, cx = 48.0, cy = 36.0 }
+position = [0.0, -0.55, 0.32]
+look_at = [0.0, 0.0, 0.04]
+
+[light]
+constant = [0.35, 0.38, 0.45]
+to_light = [-0.5, -0.35, 0.8]
+irradiance_rgb = [2.2, 2.1, 1.9]
+
+[[surface]]
+name = "table"
+shape = "plane"
+half_extent = 0.6
+
+[[object]]
+name = "ball"
+shape = "sphere"
+radius_m = 0.06
+position = [0.0, 0.0, 0.02]
+material = { kind = "lambert", albedo_rgb = [0.16, 0.42, 0.62] }
+"#;
+
+#[test]
+fn a_truth_is_traced_until_it_tells_and_folders_hold_one_run() {
+    let out = folder("told");
+    std::fs::create_dir_all(&out).unwrap();
+    let scene = out.join("ball.toml");
+    std::fs::write(&scene, BALL).unwrap();
+    let (scene, folder) = (scene.display().to_string(), out.join("run").display().to_string());
+    let run = |more: &[&str]| {
+        let all = [&scene, "--quick", "--rounds", "1", "--tries", "0", "--samples", "8", "--out", &folder];
+        tradeoff(&[&all, more].concat())
+    };
+    let noise = |told: &str| {
+        let told: serde_json::Value = serde_json::from_str(told).unwrap();
+        let (subject, front) = (&told["subjects"][0], told["front"].as_array().unwrap());
+        let best = front.last().unwrap()["error"].as_f64().unwrap();
+        println!("{} rays: noise {} beside {best}", subject["truth_samples"], subject["noise"]);
+        (subject["noise"].as_f64().unwrap() / best, subject["noise_ended_by_limit"].as_bool().unwrap())
+    };
+    // A front that is all noise: what is said of it, and that no two presets are named.
+    let (status, told, errors) = run(&["--most-samples", "8"]);
+    assert_eq!(status, 0, "{errors}");
+    assert!(told.contains("the limit of 8 rays a pixel ended it (--most-samples)"), "{told}");
+    assert!(told.contains("draft, balanced, fine, reference: one point"), "{told}");
+    let left = out.join("run/of_an_earlier_run.svg");
+    std::fs::write(&left, "").unwrap();
+    let (status, told, errors) = run(&["--json"]);
+    assert_eq!(status, 0, "{errors}");
+    let (share, ended_by_limit) = noise(&told);
+    assert!(share <= 0.5 && !ended_by_limit, "{share}");
+    assert!(!left.exists(), "the earlier run's files are gone");
+    let html = std::fs::read_to_string(out.join("run/index.html")).unwrap();
+    assert!(html.contains("without the objects"));
+    std::fs::write(out.join("run/notes.txt"), "mine").unwrap();
+    let (status, _, errors) = run(&[]);
+    assert!(status == 2 && errors.contains("notes.txt"), "{errors}");
+    std::fs::remove_dir_all(&out).unwrap();
+}
+
 #[test]
 fn mistakes_are_named() {
     let out = folder("none").display().to_string();

@@ -2,10 +2,10 @@
 
 use super::output::{make_folder, shown};
 use super::progress::{Bar, host};
-use super::{CliError, GlobalOptions};
+use super::{CliError, GlobalOptions, run_folder};
 use crate::lab::tradeoff::{
     Bench, StudyPlan, StudyResults, StudySubject, SubjectChoice, study,
-    writing::{About, json, write},
+    writing::{About, json, noise_note, write},
 };
 use std::path::PathBuf;
 
@@ -13,7 +13,8 @@ use std::path::PathBuf;
 pub const LONG_ABOUT: &str = "\
 Measure what accuracy costs in time: every setting of accuracy by itself, and the front of all together.\n\n\
 Each input is drawn with many settings, several times in turns, and is held against the truth. The truth is \
-the ray-traced picture of a reference case. For a scene file or a frame of a recording it is traced here. \
+the ray-traced picture of a reference case. For a scene file or a frame of a recording it is traced here, until \
+its noise is below half of the front's best error (--most-samples bounds that). \
 Errors: of shadows (relative RMSE of the share of light that objects leave, over the mean share that they \
 take), FLIP (mean and 95th percentile), and light taken in all. Times: of every pass, by timestamp queries \
 where the engine is a GPU that has them.\n\n\
@@ -24,6 +25,9 @@ of this device and these scenes.\n\n\
 Examples:\n\
 halflight tradeoff shared/reference/f1_studio_lamps_five --quick --out out/tradeoff\n\
 halflight tradeoff tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out/tradeoff";
+
+/// What a study leaves in its folder.
+const LEFT: [&str; 5] = ["index.html", "*.svg", "points.csv", "tradeoff.json", "front.json"];
 
 /// Arguments of `halflight tradeoff`.
 #[derive(clap::Args, Debug)]
@@ -53,9 +57,13 @@ pub struct TradeoffArguments {
     /// Settings tried in search of the front [default: 200, with --quick 24].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=100_000))]
     pub tries: Option<u32>,
-    /// Rays a pixel of truths that are traced here [default: 1024, with --quick 64].
+    /// Rays a pixel that truths which are traced here begin with [default: 256, with --quick 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: Option<u32>,
+    /// Rays a pixel at most: a truth is traced on until its noise is below half of the front's best error [default: 16384,
+    /// with --quick 1024].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    pub most_samples: Option<u32>,
 }
 
 impl TradeoffArguments {
@@ -67,7 +75,9 @@ impl TradeoffArguments {
             quick: self.quick,
             rounds: pick(self.rounds, 7, 3),
             tries: pick(self.tries, 200, 24),
-            samples: pick(self.samples, 1024, 64),
+            samples: pick(self.samples, 256, 64),
+            // Rays that are asked for are traced.
+            most_samples: pick(self.most_samples, 16384, 1024).max(pick(self.samples, 256, 64)),
         }
     }
 }
@@ -77,6 +87,7 @@ impl TradeoffArguments {
 /// # Errors
 /// A mistake in the arguments; an input that cannot be drawn or traced; a file that cannot be written.
 pub fn run(arguments: TradeoffArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    run_folder::check(&arguments.out, &LEFT)?;
     make_folder(&arguments.out)?;
     let plan = arguments.plan();
     let settings = global.settings(arguments.config.as_deref())?;
@@ -88,8 +99,9 @@ pub fn run(arguments: TradeoffArguments, global: &GlobalOptions) -> Result<(), C
     for input in &arguments.inputs {
         subjects.extend(StudySubject::of(input, &choice, &mut bench)?);
     }
-    let results = study(&subjects, &plan, &mut bench)?;
+    let results = study(&mut subjects, &plan, &mut bench)?;
     drop(bar);
+    run_folder::begin(&arguments.out, "tradeoff", &LEFT)?;
     let about = About { subjects: &subjects, engine: engine.description(), quick: arguments.quick };
     let files = write(&arguments.out, &about, &results)?;
     report(global, &about, &results, &files);
@@ -118,6 +130,12 @@ fn report(global: &GlobalOptions, about: &About<'_>, results: &StudyResults, fil
             "  {} of these have no name: they cannot be told from a cheaper one (times overlap, or the truth's noise hides it)",
             results.untold
         );
+    }
+    for names in results.shared_names() {
+        println!("  {names}: one point; nothing between them is told apart");
+    }
+    for note in about.subjects.iter().filter_map(|subject| noise_note(subject, results)) {
+        println!("  {note}");
     }
     for file in files {
         println!("wrote   {}", file.display());

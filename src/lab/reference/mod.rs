@@ -154,6 +154,16 @@ impl Tracer {
         self.done.to_bytes(&self.digest)
     }
 
+    /// Asks for another number of samples of each pixel than the settings did.
+    ///
+    /// # Errors
+    /// It is out of range.
+    pub fn aim_at(&mut self, samples: u32) -> Result<(), TraceError> {
+        check_samples(samples)?;
+        self.settings.samples = samples;
+        Ok(())
+    }
+
     /// Samples of each pixel so far.
     pub fn samples(&self) -> u32 {
         self.done.passes * self.settings.samples_a_pass
@@ -206,6 +216,12 @@ impl Tracer {
         done.dropped += dropped;
     }
 
+    /// The pictures so far; the trace can go on.
+    pub fn so_far(&self) -> Traced {
+        let size = [self.width as u32, self.settings.step_px];
+        Traced::new(size, self.done.sums.clone(), self.done.passes, self.samples(), self.done.dropped)
+    }
+
     /// The pictures.
     pub fn finish(self) -> Traced {
         let samples = self.samples();
@@ -221,7 +237,7 @@ impl Tracer {
 pub fn check(scene: &TraceScene, settings: &TraceSettings) -> Result<(), TraceError> {
     let TraceSettings { samples, samples_a_pass, bounces, step_px, shadow_noise, .. } = *settings;
     let within = |low: u32, high: u32| format!("within {low}..={high}");
-    setting("samples", samples, (1..=MOST_SAMPLES).contains(&samples), within(1, MOST_SAMPLES))?;
+    check_samples(samples)?;
     let sound = samples_a_pass.is_power_of_two() && samples_a_pass <= 4096;
     setting("samples_a_pass", samples_a_pass, sound, "a power of two within 1..=4096")?;
     setting("bounces", bounces, bounces <= MOST_BOUNCES, within(0, MOST_BOUNCES))?;
@@ -250,6 +266,11 @@ pub fn check(scene: &TraceScene, settings: &TraceSettings) -> Result<(), TraceEr
         }
     }
     Ok(())
+}
+
+fn check_samples(samples: u32) -> Result<(), TraceError> {
+    let sound = (1..=MOST_SAMPLES).contains(&samples);
+    setting("samples", samples, sound, format!("within 1..={MOST_SAMPLES}"))
 }
 
 /// Traces a scene until it is done. `progress` is told the share of the samples done after each pass, on the caller's

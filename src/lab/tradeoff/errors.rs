@@ -23,6 +23,8 @@ pub struct PictureTruth {
     /// Standard error of the truth itself, in the measure of `PictureErrors::shadow`; `None` where it is not known. It is taken out
     /// of that error: it is independent of it.
     pub noise: Option<f64>,
+    /// What that noise can make of the difference of two errors at most (two standard errors); 0 where it is not known.
+    pub difference_noise: f64,
     /// Where it comes from, for people.
     pub made_by: String,
 }
@@ -122,6 +124,7 @@ mod tests {
             without: picture([2.0; 4]),
             place: vec![1.0, 1.0, 1.0, 0.0],
             noise: None,
+            difference_noise: 0.0,
             made_by: String::new(),
         };
         let show = |p: &RadianceImage| shown(p, &Response::srgb(), 0.4);

@@ -31,7 +31,7 @@ pub struct Measured {
     pub pictures: [Rgb8Image; 2],
 }
 
-/// Measures points on a subject, each `rounds` times.
+/// Measures points on a subject, each `rounds` times; after none there are errors, but no times.
 ///
 /// # Errors
 /// A point cannot be composed or drawn.
@@ -46,6 +46,45 @@ pub fn measure(
         out.extend(measure_together(subject, some, rounds, bench)?);
     }
     Ok(out)
+}
+
+/// Takes errors and pictures anew, after the subject's truth was traced on. Times stay.
+///
+/// # Errors
+/// A point cannot be composed or drawn.
+pub fn judge_again(
+    subject: &StudySubject,
+    measured: &mut [Measured],
+    bench: &mut Bench<'_>,
+) -> Result<(), LabError> {
+    bench.watch.expect(measured.len());
+    for some in measured.chunks_mut(TOGETHER) {
+        let points: Vec<TriedPoint> = some.iter().map(|m| m.point.clone()).collect();
+        for (point, shot) in subject.shots(&points, bench)? {
+            let quality = bench.settings_of(&point)?.quality;
+            let (errors, pictures) = judged(subject, &shot, &quality, bench)?;
+            for own in some.iter_mut().filter(|m| m.point == point) {
+                (own.errors, own.pictures) = (errors, pictures.clone());
+            }
+            bench.watch.done();
+        }
+    }
+    Ok(())
+}
+
+/// Draws once: how far off it is; the picture, and its FLIP.
+fn judged(
+    subject: &StudySubject,
+    shot: &SubjectShot,
+    quality: &Quality,
+    bench: &mut Bench<'_>,
+) -> Result<(PictureErrors, [Rgb8Image; 2]), LabError> {
+    let drawn = shot.still.draw(bench.engine, quality, None, 0)?;
+    let exposure_s = shot.still.shown_exposure_s();
+    let true_shown = shown(&subject.truth.radiance, &shot.still.response, exposure_s);
+    let shown = (&drawn.display, &true_shown);
+    let (errors, map) = errors(&drawn.radiance, &shot.still.background, &subject.truth, shown);
+    Ok((errors, [drawn.display, map]))
 }
 
 /// Times of one point, round by round: of each stage and pass by its place in the frame, and of the whole.
@@ -79,16 +118,11 @@ fn measure_together(
     let mut pictures = Vec::new();
     for (quality, shot) in qualities.iter().zip(&shots) {
         // Warms up, and gives the picture.
-        let drawn = shot.still.draw(bench.engine, quality, None, 0)?;
-        let exposure_s = shot.still.shown_exposure_s();
-        let true_shown = shown(&subject.truth.radiance, &shot.still.response, exposure_s);
-        let shown = (&drawn.display, &true_shown);
-        let (errors, map) = errors(&drawn.radiance, &shot.still.background, &subject.truth, shown);
-        pictures.push((errors, [drawn.display, map]));
+        pictures.push(judged(subject, shot, quality, bench)?);
         bench.watch.done();
     }
     let mut times = vec![Times::default(); points.len()];
-    for round in 0..rounds.max(1) {
+    for round in 0..rounds {
         for k in 0..points.len() {
             // Another first one each round.
             let i = (k + round) % points.len();

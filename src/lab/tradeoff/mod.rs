@@ -8,6 +8,7 @@ mod plot;
 mod search;
 pub mod study;
 pub mod subject;
+mod telling;
 mod truth;
 pub mod writing;
 

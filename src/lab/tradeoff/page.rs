@@ -16,6 +16,8 @@ pub struct SubjectPart<'a> {
     pub plot: FrontPlot<'a>,
     /// The truth as it is shown.
     pub truth: Rgb8Image,
+    /// The place without virtual objects, as the truth has it.
+    pub without: Rgb8Image,
     /// For people: where the truth comes from, what is flat.
     pub notes: Vec<String>,
 }
@@ -63,8 +65,10 @@ pub fn page(title: &str, head: &str, parts: &[SubjectPart<'_>]) -> Result<String
             "<p>Choose a point: <b class=\"name\"></b></p><div class=\"shot\">\
              <figure><img class=\"ours\" alt=\"the picture\"><figcaption>half-light</figcaption></figure>\
              <figure><img src=\"{}\" alt=\"the truth\"><figcaption>truth</figcaption></figure>\
+             <figure><img src=\"{}\" alt=\"the place\"><figcaption>without the objects</figcaption></figure>\
              <figure><img class=\"flip\" alt=\"the difference\"><figcaption>FLIP: black = none</figcaption></figure></div>",
-            picture(&part.truth)?
+            picture(&part.truth)?,
+            picture(&part.without)?
         );
         html.push_str(&table(&part.plot));
         let mut shots = serde_json::Map::new();

@@ -2,16 +2,17 @@
 
 use super::{
     axes::{AXES, AccuracyAxis, TriedPoint},
-    measure::{Measured, measure},
+    measure::{Measured, judge_again, measure},
     search::{FrontSearch, corners},
     subject::StudySubject,
+    telling::{self, Hidden, names, spreads, told_apart, trace_until_told},
     writing::rounded,
 };
 use crate::config::Settings;
 use crate::daemon::host::Host;
 use crate::engine::Engine;
 use crate::error::LabError;
-use crate::plan::front::{PRESETS, presets, undominated};
+use crate::plan::front::undominated;
 
 /// Is told how far a study is.
 pub trait StudyWatch {
@@ -56,8 +57,10 @@ pub struct StudyPlan {
     pub rounds: usize,
     /// Settings tried in search of the front.
     pub tries: usize,
-    /// Rays a pixel of truths that are traced.
+    /// Rays a pixel that truths which are traced here begin with.
     pub samples: usize,
+    /// Rays a pixel that they have at most: they are traced on until they tell.
+    pub most_samples: usize,
 }
 
 /// Settings with their mean milliseconds and mean error.
@@ -75,52 +78,24 @@ pub struct StudyResults {
     pub untold: usize,
 }
 
-/// A point of the front with what is not known of it.
-#[derive(Clone, Copy, Debug)]
-struct FrontSpread {
-    /// Lower and upper quartile of its time, milliseconds; means over the subjects.
-    quartiles_ms: [f64; 2],
-    error: f64,
-}
-
-fn spreads(front: &[Placed], measured: &[Vec<Measured>]) -> Vec<FrontSpread> {
-    let of = |(point, [_, error]): &Placed| {
-        let own: Vec<&Measured> =
-            measured.iter().filter_map(|all| all.iter().find(|m| m.point == *point)).collect();
-        let mean = |k: usize| own.iter().map(|m| m.quartiles_ms[k]).sum::<f64>() / own.len().max(1) as f64;
-        FrontSpread { quartiles_ms: [mean(0), mean(1)], error: *error }
-    };
-    front.iter().map(of).collect()
-}
-
-/// Standard error of the truths, in the mean over the subjects; 0 where none is known.
-fn noise_of(subjects: &[StudySubject]) -> f64 {
-    let sum: f64 = subjects.iter().filter_map(|s| s.truth.noise).filter(|n| n.is_finite()).sum();
-    sum / subjects.len().max(1) as f64
-}
-
-/// Which points of a front (by rising time) are told from those before: their times do not overlap by the quartiles, and
-/// their error is smaller by more than the truth's noise lets appear. Errors below the noise are all alike.
-fn told_apart(front: &[FrontSpread], noise: f64) -> Vec<usize> {
-    let mut kept: Vec<usize> = Vec::new();
-    for (i, point) in front.iter().enumerate() {
-        let is_apart = kept.last().is_none_or(|&last| {
-            let last = front[last];
-            point.quartiles_ms[0] > last.quartiles_ms[1] && point.error.max(noise) < last.error.max(noise)
-        });
-        if is_apart {
-            kept.push(i);
-        }
+impl StudyResults {
+    /// The least error of the front; infinite where it has no point.
+    pub fn best_error(&self) -> f64 {
+        self.front.last().map_or(f64::INFINITY, |(_, [_, error])| *error)
     }
-    kept
-}
 
-/// The presets, among the points that are told apart.
-fn names(front: &[Placed], apart: &[usize]) -> Vec<(String, usize)> {
-    let places: Vec<[f64; 2]> = apart.iter().map(|&i| front[i].1).collect();
-    presets(&places).map_or_else(Vec::new, |chosen| {
-        PRESETS.iter().zip(chosen).map(|(name, k)| ((*name).to_owned(), apart[k])).collect()
-    })
+    /// Whether a subject's truth is still too noisy: the limit on its rays ended it.
+    pub fn is_noisy(&self, subject: &StudySubject) -> bool {
+        telling::is_noisy(subject.truth.noise, self.best_error())
+    }
+
+    /// Presets that share their point with others: nothing between them is told apart.
+    pub fn shared_names(&self) -> Vec<String> {
+        let of = |i: usize| {
+            self.named.iter().filter(|(_, at)| *at == i).map(|(name, _)| name.as_str()).collect::<Vec<_>>()
+        };
+        (0..self.front.len()).map(of).filter(|names| names.len() > 1).map(|names| names.join(", ")).collect()
+    }
 }
 
 /// Measures all subjects.
@@ -128,23 +103,31 @@ fn names(front: &[Placed], apart: &[usize]) -> Vec<(String, usize)> {
 /// # Errors
 /// A point cannot be composed or drawn.
 pub fn study(
-    subjects: &[StudySubject],
+    subjects: &mut [StudySubject],
     plan: &StudyPlan,
     bench: &mut Bench<'_>,
 ) -> Result<StudyResults, LabError> {
+    trace_for_the_ends(subjects, plan, bench)?;
     let mut points = Vec::new();
-    for subject in subjects {
+    for subject in subjects.iter() {
         points.push(single_settings(subject, plan, bench)?);
     }
     let near = search_front(subjects, &points, plan, bench)?;
     bench.watch.begin("front: times");
     bench.watch.expect(near.len() * subjects.len() * (plan.rounds + 1));
-    let (places, measured) = means(subjects, &near, plan.rounds, bench)?;
+    let (_, mut measured) = means(subjects, &near, plan.rounds, bench)?;
+    // The front may be nearer to the truth than its ends were.
+    if trace_until_told(subjects, &mut measured, plan, bench)? {
+        for (subject, own) in subjects.iter().zip(&mut points) {
+            judge_again(subject, own, bench)?;
+        }
+    }
+    let places = means_of(&near, &measured);
     // As the file will hold them: what is equal there is no other point.
     let places: Vec<Placed> = places.into_iter().map(|(point, place)| (point, place.map(rounded))).collect();
     let where_to: Vec<[f64; 2]> = places.iter().map(|(_, place)| *place).collect();
     let front: Vec<Placed> = undominated(&where_to).into_iter().map(|i| places[i].clone()).collect();
-    let apart = told_apart(&spreads(&front, &measured), noise_of(subjects));
+    let apart = told_apart(&spreads(&front, &measured), Hidden::by(subjects));
     let named = names(&front, &apart);
     let untold = front.len() - apart.len();
     for (own, more) in points.iter_mut().zip(measured) {
@@ -155,6 +138,20 @@ pub fn study(
         own.extend(fresh);
     }
     Ok(StudyResults { points, front, named, untold })
+}
+
+/// The truths are traced before anything is timed, until they tell the defaults and the most accurate settings from the truth.
+fn trace_for_the_ends(
+    subjects: &mut [StudySubject],
+    plan: &StudyPlan,
+    bench: &mut Bench<'_>,
+) -> Result<(), LabError> {
+    let [_, accurate] = corners(&|axis: &AccuracyAxis| subjects.iter().any(|s| s.calls_for(axis)));
+    let ends = [TriedPoint::default(), accurate];
+    bench.watch.begin("the truth");
+    bench.watch.expect(ends.len() * subjects.len());
+    let (_, mut measured) = means(subjects, &ends, 0, bench)?;
+    trace_until_told(subjects, &mut measured, plan, bench).map(|_| ())
 }
 
 /// The defaults, and each setting that matters changed alone.
@@ -219,36 +216,14 @@ fn means(
     for subject in subjects {
         all.push(measure(subject, points, rounds, bench)?);
     }
+    Ok((means_of(points, &all), all))
+}
+
+/// Means over the subjects.
+fn means_of(points: &[TriedPoint], all: &[Vec<Measured>]) -> Vec<Placed> {
     let mean = |i: usize, of: &dyn Fn(&Measured) -> f64| {
         all.iter().map(|m: &Vec<Measured>| of(&m[i])).sum::<f64>() / all.len() as f64
     };
     let place = |i: usize| [mean(i, &|m| m.ms), mean(i, &|m| m.errors.shadow)];
-    Ok((points.iter().enumerate().map(|(i, p)| (p.clone(), place(i))).collect(), all))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_noise_or_overlapping_times_hide_has_no_name() {
-        let point = |low: f64, high: f64, error: f64| FrontSpread { quartiles_ms: [low, high], error };
-        let front = [
-            point(1.0, 1.2, 0.5),
-            // As dear as the first, as far as one can see.
-            point(1.1, 1.4, 0.4),
-            point(2.0, 2.2, 0.3),
-            point(4.0, 4.2, 0.04),
-            // Better only by what the truth does not tell.
-            point(8.0, 8.2, 0.03),
-        ];
-        assert_eq!(told_apart(&front, 0.0), [0, 2, 3, 4]);
-        assert_eq!(told_apart(&front, 0.05), [0, 2, 3]);
-        let placed: Vec<Placed> =
-            front.iter().map(|p| (TriedPoint::default(), [p.quartiles_ms[0], p.error])).collect();
-        let named = names(&placed, &told_apart(&front, 0.05));
-        assert_eq!(named.first().map(|(name, i)| (name.as_str(), *i)), Some(("draft", 0)));
-        assert_eq!(named.last().map(|(name, i)| (name.as_str(), *i)), Some(("reference", 3)));
-        assert!(names(&[], &[]).is_empty());
-    }
+    points.iter().enumerate().map(|(i, p)| (p.clone(), place(i))).collect()
 }

@@ -1,7 +1,11 @@
 //! What is drawn: a reference case, a scene file, or a moment of a recording, each with its truth.
 
 use super::axes::{AccuracyAxis, CalledForBy, TriedPoint};
-use super::{errors::PictureTruth, study::Bench, truth};
+use super::{
+    errors::PictureTruth,
+    study::Bench,
+    truth::{self, TruthTrace},
+};
 use crate::assets::scene::{self, SceneFile};
 use crate::case::{self, CaseStills, default_image};
 use crate::config::Settings;
@@ -35,6 +39,8 @@ pub struct StudySubject {
     pub name: String,
     /// What pictures are held against.
     pub truth: PictureTruth,
+    /// What goes on tracing the truth; none where a case came with its own.
+    trace: Option<TruthTrace>,
     stills: StillsOf,
     in_room: bool,
     response: Response,
@@ -53,9 +59,9 @@ pub struct SubjectShot {
 pub struct SubjectChoice<'a> {
     /// Scene files for recordings.
     pub scenes: &'a [PathBuf],
-    /// The frame of a recording, counted from 1.
+    /// The frame of a recording, counted from 0.
     pub frame: u64,
-    /// Rays a pixel of truths that are traced here.
+    /// Rays a pixel that truths which are traced here begin with.
     pub samples: usize,
 }
 
@@ -97,7 +103,7 @@ impl StudySubject {
         let stills = CaseStills::new(&case, &image)?;
         let still = stills.still(&bench.base.quality, &bench.host);
         let truth = truth::of_case(&case, &image, &still)?;
-        Ok(Self::new(case.id.clone(), truth, StillsOf::Case(Box::new(stills)), &still))
+        Ok(Self::new(case.id.clone(), (truth, None), StillsOf::Case(Box::new(stills)), &still))
     }
 
     fn of_scene(input: &Path, choice: &SubjectChoice<'_>, bench: &mut Bench<'_>) -> Result<Self, LabError> {
@@ -133,9 +139,31 @@ impl StudySubject {
         Ok(Self::new(format!("{} in {}", stem(scene), stem(input)), truth, stills, &still))
     }
 
-    fn new(name: String, truth: PictureTruth, stills: StillsOf, still: &Still) -> Self {
+    fn new(
+        name: String,
+        (truth, trace): (PictureTruth, Option<TruthTrace>),
+        stills: StillsOf,
+        still: &Still,
+    ) -> Self {
         let (in_room, response) = (still.room.is_some(), still.response.clone());
-        Self { name, truth, stills, in_room, response, exposure_s: still.shown_exposure_s() }
+        Self { name, truth, trace, stills, in_room, response, exposure_s: still.shown_exposure_s() }
+    }
+
+    /// Rays a pixel of the truth so far; none where it was not traced here.
+    pub fn truth_samples(&self) -> Option<usize> {
+        self.trace.as_ref().map(TruthTrace::samples)
+    }
+
+    /// Traces the truth on, until it has so many rays a pixel. Errors that were measured before are those of the older truth.
+    ///
+    /// # Errors
+    /// A number of rays out of range.
+    pub fn trace_on(&mut self, samples: usize, host: &Host<'_>) -> Result<(), LabError> {
+        if let Some(trace) = &mut self.trace {
+            let task = host.progress.begin("the truth");
+            self.truth = trace.trace_to(samples, &|share| task.reach(share))?;
+        }
+        Ok(())
     }
 
     /// How the truth is shown.
@@ -243,9 +271,11 @@ fn traced(
     light: LightOf<'_>,
     choice: &SubjectChoice<'_>,
     bench: &Bench<'_>,
-) -> Result<PictureTruth, LabError> {
+) -> Result<(PictureTruth, Option<TruthTrace>), LabError> {
     let task = bench.host.progress.begin("the truth");
-    truth::traced(still, light, &bench.base.quality, choice.samples, &|share| task.reach(share))
+    let mut trace = TruthTrace::begin(still, light, &bench.base.quality, choice.samples)?;
+    let truth = trace.trace_to(choice.samples, &|share| task.reach(share))?;
+    Ok((truth, Some(trace)))
 }
 
 /// The stages before drawing.

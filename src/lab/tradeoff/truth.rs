@@ -5,9 +5,9 @@ use crate::assets::{error::AssetError, pictures::load_gray8};
 use crate::case::Case;
 use crate::error::LabError;
 use crate::math::color::gray;
-use crate::model::quality::Quality;
+use crate::model::{image::RadianceImage, quality::Quality};
 use crate::open_exr::load_raw;
-use crate::reference::{TraceSettings, Traced, trace};
+use crate::reference::{TraceSettings, Traced, Tracer};
 use crate::still::{
     Still,
     traced::{LightOf, of_still},
@@ -48,42 +48,81 @@ pub fn of_case(case: &Case, image: &str, still: &Still) -> Result<PictureTruth, 
         place.iter_mut().zip(filled).for_each(|(p, left)| *p = p.min(left));
     }
     let made_by = format!("the case's own {image}, beside {beside}");
-    Ok(PictureTruth { radiance, without, place, noise: None, made_by })
+    Ok(PictureTruth { radiance, without, place, noise: None, difference_noise: 0.0, made_by })
 }
 
-/// One that is traced here, with so many rays a pixel: the objects over the still's own background, whose surfaces are
-/// dimmed by what is left of their light. `done` is told the share done.
-///
-/// # Errors
-/// An environment picture that cannot be read; a scene that cannot be traced.
-pub fn traced(
-    still: &Still,
-    light: LightOf<'_>,
-    quality: &Quality,
-    samples: usize,
-    done: &dyn Fn(f32),
-) -> Result<PictureTruth, LabError> {
-    let scene = of_still(light, still, quality)?;
-    let samples = u32::try_from(samples).unwrap_or(u32::MAX);
-    let settings = TraceSettings {
-        samples,
-        samples_a_pass: (samples / 8).next_power_of_two().clamp(1, 64),
-        ..TraceSettings::default()
-    };
-    let traced = trace(&scene, &settings, done).map_err(|e| LabError::on("truth", e))?;
-    let radiance = traced.over(&still.background.radiance).ok_or_else(|| {
-        LabError::on("truth", "the picture of the place has another size than the camera's")
-    })?;
-    let place: Vec<f32> = traced.coverage().pixels().iter().map(|c| 1.0 - c).collect();
-    let noise = noise(&traced, &place);
-    let made_by = format!("traced here with {} rays a pixel, direct light", traced.samples);
-    let without = still.background.radiance.clone();
-    Ok(PictureTruth { radiance, without, place, noise, made_by })
+/// A truth that is traced here: the objects over the still's own background, whose surfaces are dimmed by what is left of
+/// their light. It can be traced on.
+pub struct TruthTrace {
+    tracer: Tracer,
+    /// The still's background.
+    without: RadianceImage,
+}
+
+impl TruthTrace {
+    /// Makes a still ready for so many rays a pixel; nothing is traced yet.
+    ///
+    /// # Errors
+    /// An environment picture that cannot be read; a scene that cannot be traced.
+    pub fn begin(
+        still: &Still,
+        light: LightOf<'_>,
+        quality: &Quality,
+        samples: usize,
+    ) -> Result<Self, LabError> {
+        let scene = of_still(light, still, quality)?;
+        let samples = u32::try_from(samples).unwrap_or(u32::MAX);
+        let settings = TraceSettings {
+            samples,
+            samples_a_pass: (samples / 8).next_power_of_two().clamp(1, 64),
+            ..TraceSettings::default()
+        };
+        let tracer = Tracer::new(&scene, &settings).map_err(|e| LabError::on("truth", e))?;
+        Ok(Self { tracer, without: still.background.radiance.clone() })
+    }
+
+    /// Rays a pixel so far.
+    pub fn samples(&self) -> usize {
+        self.tracer.samples() as usize
+    }
+
+    /// Traces until there are so many rays a pixel. `done` is told the share that it has of them.
+    ///
+    /// # Errors
+    /// A number of rays out of range; a still whose pictures have different sizes.
+    pub fn trace_to(&mut self, samples: usize, done: &dyn Fn(f32)) -> Result<PictureTruth, LabError> {
+        let aim = u32::try_from(samples).unwrap_or(u32::MAX);
+        self.tracer.aim_at(aim).map_err(|e| LabError::on("truth", e))?;
+        while !self.tracer.is_done() {
+            self.tracer.pass();
+            done((self.samples() as f32 / samples as f32).min(1.0));
+        }
+        let traced = self.tracer.so_far();
+        let radiance = traced.over(&self.without).ok_or_else(|| {
+            LabError::on("truth", "the picture of the place has another size than the camera's")
+        })?;
+        let place: Vec<f32> = traced.coverage().pixels().iter().map(|c| 1.0 - c).collect();
+        let (noise, difference_noise) = noise(&traced, &place).unzip();
+        let made_by = format!("traced here with {} rays a pixel, direct light", traced.samples);
+        Ok(PictureTruth {
+            radiance,
+            without: self.without.clone(),
+            place,
+            noise,
+            difference_noise: difference_noise.unwrap_or(0.0),
+            made_by,
+        })
+    }
 }
 
 /// Standard error of the share of light left, summed over the place and over the mean share taken in shadow, as
-/// `PictureErrors::shadow` is.
-fn noise(traced: &Traced, place: &[f32]) -> Option<f64> {
+/// `PictureErrors::shadow` is; and what it can make of the difference of two such errors.
+///
+/// Two pictures a and b are held against one truth, whose noise t they share: the squares of their errors differ by the mean of
+/// 2 (b - a) t beside what they should. Over k pixels that are independent its standard error is 2 noise rms(b - a) / sqrt(k), and
+/// rms(b - a) is at most the sum of both errors. The errors themselves then differ by at most 2 noise / sqrt(k) beside what
+/// they should; twice that is given.
+fn noise(traced: &Traced, place: &[f32]) -> Option<(f64, f64)> {
     let (ratio, error) = (traced.ratio(), traced.ratio_error());
     let (mut squares, mut depth, mut count) = (0.0, 0.0, 0.0);
     for ((ratio, error), place) in ratio.pixels().iter().zip(error.pixels()).zip(place) {
@@ -97,5 +136,8 @@ fn noise(traced: &Traced, place: &[f32]) -> Option<f64> {
             }
         }
     }
-    (count > 0.0).then(|| f64::sqrt(squares / count) / (depth / count))
+    (count > 0.0).then(|| {
+        let noise = f64::sqrt(squares / count) / (depth / count);
+        (noise, 4.0 * noise / f64::sqrt(count))
+    })
 }

@@ -57,9 +57,11 @@ pub fn write(out: &Path, about: &About<'_>, results: &StudyResults) -> Result<Ve
             subject.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         files.push((format!("{stem}.svg"), plot.svg()));
         let truth = shown(&subject.truth.radiance, subject.response(), subject.exposure_s());
-        parts.push(SubjectPart { plot, truth, notes: drawn.notes.clone() });
+        let without = shown(&subject.truth.without, subject.response(), subject.exposure_s());
+        parts.push(SubjectPart { plot, truth, without, notes: drawn.notes.clone() });
     }
-    files.push(("index.html".to_owned(), page("What accuracy costs in time", &head(about, &front), &parts)?));
+    let head = head(about, &front, &results.shared_names());
+    files.push(("index.html".to_owned(), page("What accuracy costs in time", &head, &parts)?));
     let mut names = Vec::new();
     for (name, text) in files {
         let file = out.join(name);
@@ -92,8 +94,14 @@ impl DrawnSubject {
         let mut notes = vec![format!("Truth: {}.", subject.truth.made_by)];
         if let Some(noise) = subject.truth.noise {
             notes[0] += &format!(
-                " Its own standard error is {noise:.4}. It is taken out of the errors; a difference far below it means nothing."
+                " Its own standard error is {noise:.4}. It is taken out of the errors; differences of errors below {:.4} mean nothing.",
+                subject.truth.difference_noise
             );
+        } else {
+            notes[0] += " Its own standard error is not known.";
+        }
+        if let Some(note) = noise_note(subject, results) {
+            notes.push(note);
         }
         if !flat.is_empty() {
             notes.push(format!("No difference to this picture: {}.", flat.join(", ")));
@@ -110,6 +118,17 @@ impl DrawnSubject {
         );
         Self { curves, front: results.front.iter().filter_map(|(p, _)| place(p)).collect(), named, notes }
     }
+}
+
+/// What is said of a truth that was not traced until it tells; none where it was.
+pub fn noise_note(subject: &StudySubject, results: &StudyResults) -> Option<String> {
+    let noise = subject.truth.noise.filter(|_| results.is_noisy(subject))?;
+    Some(format!(
+        "{}: the truth's noise of {noise:.4} is more than half of the front's best error, {:.4}; the limit of {} rays a pixel ended it (--most-samples)",
+        subject.name,
+        results.best_error(),
+        subject.truth_samples().unwrap_or(0)
+    ))
 }
 
 /// The front as settings take it.
@@ -189,6 +208,7 @@ pub fn json(about: &About<'_>, results: &StudyResults) -> serde_json::Value {
         .map(|(subject, points)| {
             serde_json::json!({
                 "name": subject.name, "truth": subject.truth.made_by, "noise": subject.truth.noise,
+                "truth_samples": subject.truth_samples(), "noise_ended_by_limit": results.is_noisy(subject),
                 "points": points.iter().map(of).collect::<Vec<_>>(),
             })
         })
@@ -197,7 +217,7 @@ pub fn json(about: &About<'_>, results: &StudyResults) -> serde_json::Value {
 }
 
 /// The presets, for the page's head.
-fn head(about: &About<'_>, front: &FrontFile) -> String {
+fn head(about: &About<'_>, front: &FrontFile, shared: &[String]) -> String {
     let mut html = format!(
         "<p>Error of shadows: root mean squared error of the share of light that virtual objects leave on real surfaces, over \
          the mean share that they take in shadow. Time: of drawing a picture, median of interleaved rounds, on {}.</p>\n\
@@ -218,5 +238,9 @@ fn head(about: &About<'_>, front: &FrontFile) -> String {
             escaped(&settings.join(", "))
         );
     }
-    html + "</table>"
+    html += "</table>";
+    for names in shared {
+        let _ = write!(html, "<p class=\"note\">{names}: one point. Nothing between them is told apart.</p>");
+    }
+    html
 }
