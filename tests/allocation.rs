@@ -259,6 +259,7 @@ fn developing_and_merging() {
             pixels: developed.pixels,
             sensor: developed.sensor,
             row_time_s: 0.0,
+            response: None,
         };
         ring.push(&frame, Some(pose)).unwrap();
         let registered = ring.registered_sensor().expect("the sensor's pictures are there");

@@ -358,15 +358,9 @@ mod tests {
         let encode = |l: f64| if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 };
         let gray = draw(320, 240, 0, &corners, |l| if dark { 0.004 } else { encode(l) });
         let pixels = Rgb8Image::from_pixels(320, 240, gray.pixels().iter().map(|&g| [g, g, g]).collect());
-        RawFrame {
-            sequence,
-            t_mid: Timestamp::from_seconds(seconds),
-            exposure: Exposure { time_s: 0.01, gain: 1.0 },
-            pixels: Arc::new(pixels.expect("all pixels")),
-            sensor: None,
-            row_time_s: 0.0,
-            response: None,
-        }
+        let pixels = Arc::new(pixels.expect("all pixels"));
+        let (t_mid, exposure) = (Timestamp::from_seconds(seconds), Exposure { time_s: 0.01, gain: 1.0 });
+        RawFrame { sequence, t_mid, exposure, pixels, sensor: None, row_time_s: 0.0, response: None }
     }
 
     fn start() -> Tracker {
