@@ -391,6 +391,7 @@ mod tests {
             exposure: Exposure { time_s, gain: 1.0 },
             pixels: Arc::new(Rgb8Image::filled(64, 8, [value; 3])),
             row_time_s: 0.0,
+            sensor: None,
             response: None,
         }
     }
