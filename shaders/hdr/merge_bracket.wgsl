@@ -143,7 +143,7 @@ fn merge_values(place: u32, channels: vec4<u32>) -> Merged {
         let factor = vec4<f32>(tables[of.x], tables[of.y], tables[of.z], tables[of.w]);
         let is_seen = values != vec4<u32>(UNSEEN);
         let below = clamp((saturated - z) * tables[at + 3u], vec4<f32>(0.0), vec4<f32>(1.0));
-        let weight = select(vec4<f32>(0.0), tables[at] * below, is_seen);
+        let weight = select(vec4<f32>(0.0), tables[at] * below * below, is_seen);
         let counts = weight > vec4<f32>(0.0);
         sum += weight * ((z - black) * factor);
         weight_sum += weight;

@@ -58,7 +58,8 @@ impl SensorTerms {
 }
 
 /// Merges 1 to [`MAX_PICTURES`] pictures of one view: E = sum w (z - black) f / sum w in each channel, f = exposure of a
-/// value over time x gain, w = time x (time x gain), falling to 0 over the last quarter before saturation. `out` is reshaped.
+/// value over time x gain, w = time x (time x gain), falling to 0 by a square over the last quarter before saturation: a
+/// long exposure counts a hundred times a short one, and a straight fall would end in a step. `out` is reshaped.
 ///
 /// Where all that was seen is saturated, E is what the shortest exposure's saturation says, and `LOWER_BOUND`. Less than half a
 /// step of the sensor in the longest exposure has `UPPER_BOUND`; E stays the sum, so that the mean of many dark pixels is
@@ -124,7 +125,7 @@ impl BlockSums {
                 let factor = terms.factor[c];
                 let is_seen = values[c] != UNSEEN;
                 let below = ((terms.saturated - z) * terms.fall).clamp(0.0, 1.0);
-                let weight = if is_seen { terms.weight * below } else { 0.0 };
+                let weight = if is_seen { terms.weight * below * below } else { 0.0 };
                 let counts = weight > 0.0;
                 self.radiance[i][c] += weight * ((z - terms.black) * factor);
                 self.weight[i][c] += weight;
