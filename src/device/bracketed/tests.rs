@@ -1,6 +1,7 @@
 //! The loop around the scheduler on a simulated driver.
 
 mod finding;
+mod measuring;
 
 use super::*;
 use crate::Clock;
