@@ -19,6 +19,8 @@ pub struct Settings {
     pub imu: String,
     /// `device.imu_file`; empty = none.
     pub imu_file: String,
+    /// `device.rig`; empty = none.
+    pub rig: String,
     /// `device.link`; empty = none.
     pub link: String,
     /// `camera.exposures_s`
@@ -27,6 +29,8 @@ pub struct Settings {
     pub gain: f64,
     /// `camera.response`
     pub response: String,
+    /// `camera.calibration`; empty = what the camera states.
+    pub calibration: String,
     /// `engine.kind`
     pub engine: EngineKind,
     /// `engine.backend`
@@ -123,10 +127,12 @@ impl Default for Settings {
             is_see_through: false,
             imu: String::new(),
             imu_file: String::new(),
+            rig: String::new(),
             link: String::new(),
             exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,
             response: "device".into(),
+            calibration: String::new(),
             engine: EngineKind::Cpu,
             backend: BackendKind::Auto,
             threads: 0,
