@@ -33,6 +33,35 @@ fn the_page_of_scene_files_is_their_manual() {
 }
 
 #[test]
+fn the_example_of_a_rig_is_its_manual() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/config/rig-example.toml");
+    let manual = halflight::assets::rig::manual();
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        std::fs::write(path, &manual).unwrap();
+    }
+    let on_disk = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(
+        on_disk == manual,
+        "config/rig-example.toml differs from the key table; bless with: UPDATE_EXPECT=1 cargo test --test config"
+    );
+    // The other reader of the file takes it, too.
+    let imu = halflight::device::imu::description::ImuDescription::from_toml(&manual).unwrap().unwrap();
+    assert_eq!((imu.name.as_deref(), imu.rate_hz), (Some("iio:name=gyro_3d"), Some(100.0)));
+    // What the settings leave open the rig fills in; what they say stays.
+    let named = |camera: &str| Settings { rig: path.into(), camera: camera.into(), ..Settings::default() };
+    let over = |settings| halflight::config::rig::over_settings(settings).unwrap();
+    let filled = over(named("auto"));
+    assert_eq!((filled.camera.as_str(), filled.imu.as_str()), ("v4l2:card=HD Webcam", "iio:name=gyro_3d"));
+    assert!(
+        filled.response.ends_with("config/response.json") && filled.calibration.ends_with("config/lens.yml")
+    );
+    assert_eq!(filled.imu_file, path);
+    assert_eq!(over(named("synthetic:")).camera, "synthetic:");
+    let missing = Settings { rig: "no/such.toml".into(), ..Settings::default() };
+    assert!(halflight::config::rig::over_settings(missing).unwrap_err().contains("no/such.toml"));
+}
+
+#[test]
 fn kernel_names_are_the_plan_s() {
     let words = keys::KEYS.iter().find(|k| k.name == "engine.cpu_kernels").unwrap();
     let names: Vec<&str> = halflight::plan::Pass::ALL.iter().map(|p| p.name()).collect();

@@ -80,6 +80,8 @@ fn every_verb_has_a_line() {
         "hdr",
         "tags",
         "record",
+        "calibrate",
+        "rig",
         "spheres",
         "room",
         "synth",

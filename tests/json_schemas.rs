@@ -72,6 +72,9 @@ fn every_verb_keeps_to_its_schema() {
     check("reproduce", &["gib03-fig3", "--out", &at("papers")]);
     check("stress", &["--only", "spheres"]);
     check("devices", &[]);
+    check("rig", &[]);
+    check("rig", &["--out", &at("rig.toml")]);
+    check("calibrate", &["latency", "synthetic:frames=30,size=64x48,texel_mm=20", "--frames", "24"]);
     for file in ["tests/scenes/room-settings.toml", scene, "tests/scenes/room.glb"] {
         check("check", &[file]);
     }
@@ -92,6 +95,8 @@ fn every_verb_has_a_schema_and_a_misfit_is_seen() {
         "hdr",
         "tags",
         "record",
+        "calibrate",
+        "rig",
         "spheres",
         "room",
         "synth",

@@ -17,8 +17,9 @@ const LONGEST: usize = 500;
 
 /// Folders within one crate and their layers: a file uses only layers below its own. Between crates Cargo holds the
 /// arrows.
-const LAYERS: [(&str, u8); 14] = [
+const LAYERS: [(&str, u8); 15] = [
     ("model", 1),
+    ("calibrate", 2),
     ("hdr", 2),
     ("track", 2),
     ("light", 2),

@@ -38,11 +38,25 @@ fn the_unit_says_what_the_daemon_keeps() {
         "ProtectProc=invisible",
         "UMask=0077",
         "CacheDirectory=halflight",
-        "SupplementaryGroups=video render dialout",
+        "SupplementaryGroups=video render dialout plugdev",
+        "DeviceAllow=char-hidraw rw",
+        "DeviceAllow=char-iio rw",
         "RestartPreventExitStatus=2",
         "ExecReload=/bin/kill -HUP $MAINPID",
     ] {
         assert!(unit.lines().any(|l| l == line), "{line} is missing");
     }
     assert!(unit.contains("\nDeviceAllow=") && unit.contains("\nMemoryMax="));
+}
+
+#[test]
+fn every_headset_that_is_built_in_has_a_rule() {
+    let rules =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/systemd/70-halflight.rules")).unwrap();
+    for (vendor, product) in halflight::device::imu::hid::known_ids() {
+        let ids = format!("ATTRS{{idVendor}}==\"{vendor:04x}\", ATTRS{{idProduct}}==\"{product:04x}\"");
+        let rule = rules.lines().find(|line| line.starts_with("KERNEL==\"hidraw*\"") && line.contains(&ids));
+        assert!(rule.is_some_and(|rule| rule.contains("GROUP=\"plugdev\"")), "{vendor:04x}:{product:04x}");
+    }
+    assert!(rules.lines().any(|line| line.starts_with("SUBSYSTEM==\"iio\"")));
 }

@@ -4,11 +4,14 @@
 //! All three put pixel *centres* at whole numbers; ours are at +0.5. So 0.5 is added to cx and cy, and a lens as
 //! loaded projects into our continuous pixels.
 
+mod write;
+
 use super::error::{AssetError, read_file};
 use super::pictures::MAX_PIXELS;
 use crate::math::lens::{Distortion, Lens};
 use crate::model::limits::{MAX_LENS_PX, MAX_SIDE, MIN_FOCAL_PX};
 use std::path::{Path, PathBuf};
+pub use write::to_yaml;
 use yaml_rust2::{Event, ScanError, Yaml, YamlLoader, parser::Parser};
 
 /// What turns an index of pixel centres into a continuous coordinate.

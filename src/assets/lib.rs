@@ -15,6 +15,7 @@ pub mod normals;
 pub mod obj;
 pub mod pictures;
 pub mod response;
+pub mod rig;
 pub mod room;
 pub mod scene;
 pub mod shapes;

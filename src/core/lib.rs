@@ -6,6 +6,7 @@
 use halflight_math as math;
 
 pub mod animate;
+pub mod calibrate;
 pub mod compose;
 pub mod hdr;
 pub mod light;

@@ -435,6 +435,10 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
     fn response(&self) -> Option<Response> {
         self.camera.response()
     }
+
+    fn bracket_report(&self) -> Option<Report> {
+        self.report()
+    }
 }
 
 #[cfg(test)]

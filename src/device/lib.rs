@@ -20,6 +20,7 @@
 use halflight_core::{hdr, model};
 use halflight_math as math;
 
+pub mod at_hand;
 pub mod bracket;
 pub mod bracketed;
 pub mod clock;
@@ -27,6 +28,7 @@ pub mod developed;
 pub mod error;
 pub mod fake;
 pub mod imu;
+pub mod measured;
 pub mod null_display;
 pub mod open;
 pub mod pace;
@@ -94,6 +96,11 @@ pub trait FrameSource: Send {
     /// Returns whether the source has a time line of its own and never waits (a recording, a synthetic room).
     fn delivers_at_once(&self) -> bool {
         false
+    }
+
+    /// What was found of the camera's exposure control; `None` where exposures cannot be written.
+    fn bracket_report(&self) -> Option<bracket::Report> {
+        None
     }
 }
 
@@ -227,6 +234,10 @@ impl<S: FrameSource + ?Sized> FrameSource for Box<S> {
 
     fn delivers_at_once(&self) -> bool {
         (**self).delivers_at_once()
+    }
+
+    fn bracket_report(&self) -> Option<bracket::Report> {
+        (**self).bracket_report()
     }
 }
 

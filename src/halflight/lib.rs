@@ -22,7 +22,9 @@
 //!
 //! `src/README.md` is the map.
 
-pub use halflight_core::{animate, compose, hdr, light, model, nearfield, plan, sources, track, visibility};
+pub use halflight_core::{
+    animate, calibrate, compose, hdr, light, model, nearfield, plan, sources, track, visibility,
+};
 pub use halflight_device as device;
 pub use halflight_engine as engine;
 pub use halflight_lab as lab;

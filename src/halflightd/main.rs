@@ -117,7 +117,7 @@ fn settings(arguments: &Arguments, content: Option<&str>) -> Result<Settings, St
         settings = halflightd::config::over(line, &settings)?;
     }
     settings.hud |= arguments.hud;
-    Ok(settings)
+    halflightd::config::rig::over_settings(settings)
 }
 
 fn from_file(path: &Path, content: &str, base: &Settings) -> Result<Settings, String> {

@@ -2,6 +2,7 @@
 
 mod finding;
 mod fitting;
+mod measuring;
 
 use super::*;
 use crate::Clock;

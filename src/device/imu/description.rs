@@ -34,6 +34,8 @@ fn wrong(key: &str, value: impl ToString, allowed: impl ToString) -> Description
 /// Everything that a rig states of its inertial sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImuDescription {
+    /// The sensor, as `device.imu` names it.
+    pub name: Option<String>,
     /// The protocol, where the device's name does not say it.
     pub protocol: Option<String>,
     /// Symbols a second of a serial port; `None`: what the protocol's makers set.
@@ -51,6 +53,7 @@ pub struct ImuDescription {
 impl Default for ImuDescription {
     fn default() -> Self {
         Self {
+            name: None,
             protocol: None,
             baud: None,
             rate_hz: None,
@@ -287,8 +290,8 @@ impl ImuDescription {
         };
         let camera_from_imu =
             table.camera_from_imu_q_wxyz.map(|q| rotation("camera_from_imu_q_wxyz", q)).transpose()?;
-        let (protocol, baud, rate_hz) = (table.protocol, table.baud, table.rate_hz);
-        Ok(Self { protocol, baud, rate_hz, imu_from_sensor, camera_from_imu, frame })
+        let (name, protocol, baud, rate_hz) = (table.name, table.protocol, table.baud, table.rate_hz);
+        Ok(Self { name, protocol, baud, rate_hz, imu_from_sensor, camera_from_imu, frame })
     }
 
     /// The protocol of a serial port: what the device's name says, else what the rig says.

@@ -5,6 +5,7 @@
 //! and [`arrival`] to [`assemble`], which turns it into the mounting's axes and makes what is missing: rates of sensors that
 //! give orientations alone, orientations of sensors that give rates and forces alone ([`fusion`]).
 
+pub mod alone;
 pub mod arrival;
 pub mod assemble;
 pub mod description;

@@ -185,3 +185,8 @@ pub fn shown_value(facts: &ControlFacts, value: i32) -> String {
         _ => value.to_string(),
     }
 }
+
+/// Least, most and step of the exposure control, seconds.
+pub fn exposure_range_s(facts: &ControlFacts) -> [f64; 3] {
+    [facts.least.max(1), facts.most, facts.step].map(|value| f64::from(value) * EXPOSURE_UNIT_S)
+}

@@ -1,9 +1,21 @@
 //! `halflight devices`: what is at hand?
 
+use super::sensor_devices::{ListedSensors, default_camera};
 use super::video_devices::ListedCameras;
 use super::{CliError, GlobalOptions};
 use crate::daemon::engines::gpu;
+use crate::device::at_hand::Machine;
 use crate::engine::{Engine, cpu::CpuEngine, gpu::Backend};
+
+/// The long form of the verb's help.
+pub const LONG_ABOUT: &str = "\
+List the devices and engines at hand.\n\n\
+Cameras, inertial sensors and serial ports, what would be used by default and why, and which right is missing \
+with the command that mends it. Video nodes are opened for a moment; of all others only the kernel's files are \
+read.\n\n\
+Examples:\n\n\
+  halflight devices\n\
+  halflight devices --set device.imu=iio:name=dev_rotation --json";
 
 /// Arguments of `halflight devices`.
 #[derive(clap::Args, Debug)]
@@ -16,7 +28,11 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
         engines.push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
-    let cameras = ListedCameras::look();
+    let machine = Machine::default();
+    let cameras = ListedCameras::look(&machine);
+    let sensors = ListedSensors::look(&machine);
+    let settings = global.settings(None)?;
+    let (camera, imu) = (default_camera(&settings, &cameras), sensors.default_imu(&settings));
     if global.json {
         let engines: Vec<_> = engines
             .iter()
@@ -29,7 +45,11 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
             .collect();
         println!(
             "{}",
-            serde_json::json!({ "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "video": cameras.json(), "engines": engines })
+            serde_json::json!({
+                "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "video": cameras.json(),
+                "inertial": sensors.json(), "serial_ports": sensors.ports_json(),
+                "defaults": { "camera": camera.json(), "imu": imu.json() }, "engines": engines,
+            })
         );
         return Ok(());
     }
@@ -39,6 +59,13 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     }
     println!("cameras of the kernel (V4L2)");
     cameras.print();
+    println!("inertial sensors");
+    sensors.print();
+    println!("serial ports");
+    sensors.print_ports();
+    println!("used by default");
+    camera.print("camera");
+    imu.print("inertial sensor");
     println!("engines");
     for (name, found) in engines {
         match found {

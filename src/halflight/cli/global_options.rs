@@ -74,7 +74,7 @@ impl GlobalOptions {
             settings = config::over(line, &settings).map_err(CliError)?;
         }
         self.apply(&mut settings)?;
-        Ok(settings)
+        config::rig::over_settings(settings).map_err(CliError)
     }
 
     fn settings_from(path: &Path) -> Result<Settings, CliError> {

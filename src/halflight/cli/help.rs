@@ -1,6 +1,9 @@
 //! What `--help` shows: of each verb what it does and examples, its own options, and the shared ones that mean something to it.
 
-use super::{CommandLine, check, explain, figures, hdr, record, render, replay, stress, synth, tradeoff};
+use super::{
+    CommandLine, calibrate, check, devices, explain, figures, hdr, record, render, replay, rig, stress,
+    synth, tradeoff,
+};
 use crate::config::{Settings, keys::KEYS};
 use clap::{Arg, Command, CommandFactory};
 
@@ -18,7 +21,7 @@ const ALWAYS: [&str; 3] = ["json", "verbose", "quiet"];
 /// Those of verbs that open an engine.
 const COMPUTES: &[&str] = &["engine", "backend", "cpu", "threads", "digest", "set"];
 
-const VERBS: [VerbHelp; 17] = [
+const VERBS: [VerbHelp; 19] = [
     VerbHelp { name: "replay", about: replay::LONG_ABOUT, shared: COMPUTES },
     VerbHelp { name: "render", about: render::LONG_ABOUT, shared: COMPUTES },
     VerbHelp {
@@ -44,7 +47,9 @@ const VERBS: [VerbHelp; 17] = [
     VerbHelp { name: "hdr", about: hdr::LONG_ABOUT, shared: COMPUTES },
     VerbHelp { name: "tags", about: "Find AprilTags and their poses.", shared: &["digest"] },
     VerbHelp { name: "record", about: record::LONG_ABOUT, shared: &["digest"] },
+    VerbHelp { name: "calibrate", about: calibrate::LONG_ABOUT, shared: &["set"] },
     VerbHelp { name: "spheres", about: "Fit spheres to a model, for its soft shadow.", shared: &["digest"] },
+    VerbHelp { name: "rig", about: rig::LONG_ABOUT, shared: &[] },
     VerbHelp {
         name: "room",
         about: "Show a known room: what its surfaces send out and reflect, and what a probe saw of it.",
@@ -63,7 +68,7 @@ const VERBS: [VerbHelp; 17] = [
     },
     VerbHelp { name: "stress", about: stress::LONG_ABOUT, shared: &["engine", "backend", "cpu", "threads"] },
     VerbHelp { name: "check", about: check::LONG_ABOUT, shared: &[] },
-    VerbHelp { name: "devices", about: "List the devices and engines at hand.", shared: &["threads"] },
+    VerbHelp { name: "devices", about: devices::LONG_ABOUT, shared: &["threads", "set"] },
 ];
 
 /// Keys of settings that have a flag.
@@ -151,8 +156,7 @@ mod tests {
             let help = help_of(name);
             assert!(VERBS.iter().any(|verb| verb.name == name), "{name} has no row");
             assert!(!help.starts_with("Arguments of"), "{name}: {help}");
-            let has_example = help.contains("Example") || *name == "devices";
-            assert!(has_example, "{name}: no example");
+            assert!(help.contains("Example"), "{name}: no example");
         }
     }
 

@@ -3,6 +3,7 @@
 #[macro_use]
 pub mod printing;
 
+pub mod calibrate;
 pub mod check;
 pub mod devices;
 pub mod error;
@@ -19,8 +20,10 @@ pub mod record;
 pub mod render;
 pub mod replay;
 pub mod reproduce;
+pub mod rig;
 pub mod room;
 mod run_folder;
+mod sensor_devices;
 pub mod spheres;
 pub mod stress;
 pub mod synth;
@@ -29,6 +32,7 @@ pub mod trace;
 pub mod tradeoff;
 #[cfg(feature = "v4l2")]
 mod video_devices;
+mod wire_file;
 
 pub use error::CliError;
 pub use global_options::GlobalOptions;
@@ -78,8 +82,12 @@ pub enum Verb {
     Tags(tags::TagsArguments),
     /// Record a device to an MCAP file.
     Record(record::RecordArguments),
+    /// Measure a camera: its lens, its response, the delay of its exposure control.
+    Calibrate(calibrate::CalibrateArguments),
     /// Fit spheres to a model, for its soft shadow.
     Spheres(spheres::SpheresArguments),
+    /// Make a first rig file from the devices at hand.
+    Rig(rig::RigArguments),
     /// Show a known room: what its surfaces send out and reflect, and what a probe saw of it.
     Room(room::RoomArguments),
     /// Make a recording of the synthetic room, with its truth.
@@ -120,7 +128,9 @@ pub fn run(line: CommandLine) -> Result<ExitCode, CliError> {
         Verb::Hdr(a) => hdr::run(a, global),
         Verb::Tags(a) => tags::run(a, global),
         Verb::Record(a) => record::run(a, global),
+        Verb::Calibrate(a) => calibrate::run(a, global),
         Verb::Spheres(a) => spheres::run(a, global),
+        Verb::Rig(a) => rig::run(a, global),
         Verb::Room(a) => room::run(a, global),
         Verb::Synth(a) => synth::run(a, global),
         Verb::Reproduce(a) => reproduce::run(a, global),

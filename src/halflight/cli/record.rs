@@ -3,8 +3,10 @@
 use super::output::shown;
 use super::progress::Bar;
 use super::run_folder::{need_folder_of, refuse_existing};
+use super::wire_file::{WireFile, record_alone};
 use super::{CliError, GlobalOptions};
 use crate::assets::whole::WholeFile;
+use crate::config::Settings;
 use crate::daemon::prepare::{camera_options, open_named_imu};
 use crate::daemon::{exit, stop_signals, version};
 use crate::device::bracketed::FoundResponse;
@@ -54,19 +56,22 @@ Record a device to an MCAP file: its pictures, its inertial samples, and what it
 ball.\n\n\
 Examples:\n\n\
   halflight record synthetic:frames=30,seed=4 --out room.mcap --png\n\
-  halflight record v4l2:/dev/video0 --seconds 10 --out desk.mcap";
+  halflight record v4l2:/dev/video0 --seconds 10 --out desk.mcap\n\
+  halflight record --imu serial:/dev/ttyUSB0,protocol=rvc --seconds 10 --wire-log sensor.wire";
 
 /// Arguments of `halflight record`.
 #[derive(clap::Args, Debug)]
 pub struct RecordArguments {
     /// The device, e.g. v4l2:/dev/video0, auto, synthetic:frames=90 or replay:desk.mcap (a replay can so be stored anew).
-    device: OsString,
-    /// The recording to write (MCAP).
-    #[arg(long, value_name = "FILE.mcap")]
-    out: PathBuf,
+    /// Without it, with --wire-log, a sensor by itself.
+    #[arg(required_unless_present = "wire_log")]
+    device: Option<OsString>,
+    /// The recording to write (MCAP); needed with a device.
+    #[arg(long, value_name = "FILE.mcap", required_unless_present = "wire_log", requires = "device")]
+    out: Option<PathBuf>,
     /// Stop after this many seconds of the camera's time.
     #[arg(long)]
-    seconds: Option<f64>,
+    pub(super) seconds: Option<f64>,
     /// Stop after this many frames.
     #[arg(long)]
     frames: Option<u64>,
@@ -76,10 +81,13 @@ pub struct RecordArguments {
     /// The inertial sensor to record beside a camera, e.g. serial:/dev/ttyUSB0,protocol=rvc (default: device.imu, or the
     /// camera's own).
     #[arg(long, value_name = "NAME")]
-    imu: Option<String>,
-    /// Replace a recording that is there.
+    pub(super) imu: Option<String>,
+    /// Write every byte that comes from the sensor (serial, HID) to this file, to look at faults and to play it again.
+    #[arg(long, value_name = "FILE")]
+    wire_log: Option<PathBuf>,
+    /// Replace a recording or a log that is there.
     #[arg(long)]
-    force: bool,
+    pub(super) force: bool,
     /// How pictures are stored (default: --jpeg 93).
     #[command(flatten)]
     coding: Coding,
@@ -139,6 +147,8 @@ pub struct RecordedFrames {
     span_s: f64,
     truth: Option<Truth>,
     digest: PixelDigest,
+    /// The wire log and its bytes, where one was asked for.
+    wire_log: Option<(PathBuf, u64)>,
 }
 
 /// A frame that does not come within this time is given up. A camera needs some 24 frames until it is known which exposure a
@@ -274,6 +284,8 @@ pub fn report(
             "format": super::JSON_FORMAT, "file": shown(out), "bytes": bytes, "frames": written.frames, "imu_samples": written.imu_samples,
             "chunks": written.chunks, "width_px": width, "height_px": height, "exposures_s": times,
             "span_s": seen.span_s, "coding": format!("{coding:?}"), "to_light_world": to_light, "digest": digest,
+            "wire_log": seen.wire_log.as_ref().map(|(path, _)| shown(path)),
+            "wire_log_bytes": seen.wire_log.as_ref().map(|(_, bytes)| bytes),
         });
         println!("{report}");
         return Ok(());
@@ -289,6 +301,9 @@ pub fn report(
     );
     let times: Vec<String> = times.iter().map(|t| format!("1/{:.0}", 1.0 / t)).collect();
     println!("exposures: {} s", times.join(", "));
+    if let Some((path, bytes)) = &seen.wire_log {
+        println!("{}: {:.1} kB came over the sensor's wire", path.display(), *bytes as f64 * 1e-3);
+    }
     if let Some([x, y, z]) = to_light {
         println!(
             "true dominant light from ({x:.4}, {y:.4}, {z:.4}), {:.1} degrees high",
@@ -328,10 +343,12 @@ fn replayed(device: &str) -> PathBuf {
     crate::device::replay::ReplayOptions::parse(rest).map(|o| o.path).unwrap_or_default()
 }
 
-/// The exposures that a camera is asked for.
-fn exposures(arguments: &RecordArguments, global: &GlobalOptions) -> Result<Vec<Exposure>, CliError> {
+/// The exposures that a camera is asked for: those given, else those of the settings.
+///
+/// # Errors
+/// A time that no camera has.
+pub fn exposures_of(given: &[f64], global: &GlobalOptions) -> Result<Vec<Exposure>, CliError> {
     let settings = global.settings(None)?;
-    let given = &arguments.exposures_s;
     if let Some(bad) = given.iter().find(|s| !(20e-6..=1.0).contains(*s)) {
         return Err(CliError::on(format!("--exposures-s {bad}"), "must be within 0.00002..=1 s"));
     }
@@ -348,27 +365,51 @@ fn settings(arguments: &RecordArguments) -> String {
 
 /// Runs `halflight record`.
 pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let (a, stop) = (&arguments, stop_of_signals()?);
+    let a = &arguments;
     if let Some(seconds) = a.seconds.filter(|s| !(*s > 0.0 && s.is_finite())) {
         return Err(CliError::on(format!("--seconds {seconds}"), "must be positive"));
     }
-    let coding = a.coding.chosen()?;
-    let device = path_text::to_text(Path::new(&a.device));
-    need_folder_of(&a.out)?;
-    if let (Ok(from), Ok(to)) = (replayed(&device).canonicalize(), a.out.canonicalize())
+    match (&a.device, &a.out, &a.wire_log) {
+        (Some(device), Some(out), _) => run_camera(a, &path_text::to_text(Path::new(device)), out, global),
+        (None, _, Some(log)) => record_alone(a, log, global),
+        _ => Err(CliError("--out: a device is recorded to a file, name it".into())),
+    }
+}
+
+/// Opens the sensor that was asked for, with its wire log; `None` where none was.
+fn open_sensor(
+    a: &RecordArguments,
+    settings: &mut Settings,
+) -> Result<(Option<Box<dyn ImuSource>>, Option<WireFile>), CliError> {
+    if let Some(name) = &a.imu {
+        settings.imu.clone_from(name);
+    }
+    let log = a.wire_log.as_ref().map(|path| WireFile::create(path, &settings.imu, a.force)).transpose()?;
+    if settings.imu.is_empty() {
+        return Ok((None, log));
+    }
+    let raw = log.as_ref().map(|log| log.writer(&settings.imu)).transpose()?;
+    let imu = open_named_imu(settings, Arc::new(MonotonicClock::new()), raw)?;
+    Ok((Some(imu), log))
+}
+
+fn run_camera(a: &RecordArguments, device: &str, out: &Path, global: &GlobalOptions) -> Result<(), CliError> {
+    let (coding, stop) = (a.coding.chosen()?, stop_of_signals()?);
+    need_folder_of(out)?;
+    if let (Ok(from), Ok(to)) = (replayed(device).canonicalize(), out.canonicalize())
         && from == to
     {
-        return Err(CliError::on(format!("--out {}", a.out.display()), "is the recording that is read"));
+        return Err(CliError::on(format!("--out {}", out.display()), "is the recording that is read"));
     }
-    refuse_existing(&a.out, a.force)?;
+    refuse_existing(out, a.force)?;
     let mut settings_of = global.settings(None)?;
-    settings_of.camera.clone_from(&device);
+    device.clone_into(&mut settings_of.camera);
     // Exposures that were asked for are kept.
     settings_of.replan &= a.exposures_s.is_empty();
     let options = camera_options(&settings_of, &FoundResponse::default())?;
-    let mut opened = open::open_with(&device, options)?;
+    let mut opened = open::open_with(device, options)?;
     if !opened.frames.delivers_at_once() || !a.exposures_s.is_empty() {
-        let cycle = opened.frames.set_exposures(&exposures(a, global)?)?;
+        let cycle = opened.frames.set_exposures(&exposures_of(&a.exposures_s, global)?)?;
         let times: Vec<String> = cycle.iter().map(|e| format!("{:.4}", e.time_s)).collect();
         tracing::info!("exposures in turn: {} s", times.join(", "));
     }
@@ -376,27 +417,27 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
         true => None,
         false => first_frame(opened.frames.as_mut(), &stop)?,
     };
-    if let Some(name) = &a.imu {
-        settings_of.imu.clone_from(name);
-    }
-    if !settings_of.imu.is_empty() {
-        opened.imu = Some(open_named_imu(&settings_of, Arc::new(MonotonicClock::new()))?);
-    }
+    let (sensor, log) = open_sensor(a, &mut settings_of)?;
+    opened.imu = sensor.or(opened.imu);
     let setup = Setup {
         rig: opened.frames.rig(),
         response: opened.frames.response(),
         imu_truth: opened.imu.as_ref().and_then(|imu| imu.imu_truth()),
-        origin: origin("record", &device, settings(a), &opened.frames),
+        origin: origin("record", device, settings(a), &opened.frames),
     };
     if setup.rig.is_none() {
         tracing::warn!("{device} states no lens: the recording will have no calibration");
     }
     let expected = a.frames.or(opened.frames.frames_left()).unwrap_or(0);
-    let tape = tape(&a.out, coding, setup)?;
+    let tape = tape(out, coding, setup)?;
     let mut frames = Recorder::new(PrimedSource::new(opened.frames, first), tape.clone());
     let mut imu = opened.imu.map(|imu| ImuRecorder::new(imu, tape.clone()));
     let limit = Limit { stop, frames: a.frames, seconds: a.seconds };
     let tee = imu.as_mut().map(|imu| imu as &mut dyn ImuSource);
-    let seen = pump(&mut frames, tee, &limit, expected)?;
-    report("record", &a.out, &tape, seen, coding, global)
+    let mut seen = pump(&mut frames, tee, &limit, expected)?;
+    drop(imu);
+    if let (Some(log), Some(path)) = (log, &a.wire_log) {
+        seen.wire_log = Some((path.clone(), log.finish()?));
+    }
+    report("record", out, &tape, seen, coding, global)
 }

@@ -1,5 +1,10 @@
 //! Cameras of the kernel, as `halflight devices` shows them.
 
+use super::sensor_devices::{missing_json, print_missing};
+use crate::device::at_hand::{
+    Machine,
+    rights::{MissingRight, RightOf},
+};
 use crate::device::v4l2::{
     control,
     find::{self, FoundNode},
@@ -8,6 +13,7 @@ use crate::device::v4l2::{
     sys::KernelNode,
 };
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// A camera with all that is shown of it.
 pub struct ListedCamera {
@@ -20,31 +26,105 @@ pub struct ListedCamera {
 #[derive(Default)]
 pub struct ListedCameras {
     cameras: Vec<ListedCamera>,
-    refused: Vec<(String, String)>,
+    refused: Vec<RefusedNode>,
+}
+
+/// A node that could not be looked at.
+struct RefusedNode {
+    path: String,
+    why: String,
+    missing: Option<MissingRight>,
+}
+
+/// What a rig file says of a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraFacts {
+    /// As `device.camera` names it: by the card where it is the only one of its name.
+    pub name: String,
+    /// What the camera calls itself.
+    pub card: String,
+    /// Columns of the best offer.
+    pub width: u32,
+    /// Its rows.
+    pub height: u32,
+    /// Its highest rate.
+    pub frames_per_s: Option<f64>,
+    /// Least, most and step of the exposure control, seconds.
+    pub exposure_s: Option<[f64; 3]>,
+    /// Least and most gain, 1 at the driver's own choice.
+    pub gain: Option<[f64; 2]>,
 }
 
 impl ListedCameras {
     /// Looks at every video node.
-    pub fn look() -> Self {
+    pub fn look(machine: &Machine) -> Self {
         let found = find::nodes();
         let mut listed = Self::default();
+        let refused = |path: &Path, why: String| RefusedNode {
+            path: path.display().to_string(),
+            why,
+            missing: machine.missing(path, RightOf::Video),
+        };
         for node in found.cameras {
             match KernelNode::open(&node.path).and_then(|open| Ok((open.offers()?, control::listed(&open)))) {
                 Ok((offers, controls)) => listed.cameras.push(ListedCamera { node, offers, controls }),
-                Err(error) => listed.refused.push((node.path.display().to_string(), error.to_string())),
+                Err(error) => listed.refused.push(refused(&node.path, error.to_string())),
             }
         }
         for (path, error) in found.refused {
             let why = find::refusal("v4l2", &path, error);
-            listed.refused.push((path.display().to_string(), why.action));
+            listed.refused.push(refused(&path, why.action));
         }
         listed
     }
 
+    /// The camera with the best offer, the first of equals: its name, the offer in words and its points.
+    pub fn best(&self) -> Option<(String, String, f64)> {
+        let mut best: Option<(String, String, f64)> = None;
+        for camera in &self.cameras {
+            let Some((offer, points)) = format::best(&camera.offers, &FormatWish::default()) else {
+                continue;
+            };
+            if best.as_ref().is_none_or(|(_, _, most)| points > *most) {
+                let name = format!("v4l2:{}", camera.node.path.display());
+                let what = format!("{} {}x{}", format::shown(offer.fourcc), offer.width, offer.height);
+                best = Some((name, what, points));
+            }
+        }
+        best
+    }
+
+    /// What is known of the camera with the best offer.
+    pub fn best_facts(&self) -> Option<CameraFacts> {
+        let (name, ..) = self.best()?;
+        let camera = self.cameras.iter().find(|c| name.ends_with(&*c.node.path.to_string_lossy()))?;
+        let offer = camera.chosen()?;
+        let card = &camera.node.facts.card;
+        let is_one =
+            self.cameras.iter().filter(|other| other.node.facts.card.contains(card.as_str())).count() == 1;
+        let is_plain = !card.is_empty() && !card.contains([',', '=']);
+        let control = |id| camera.controls.iter().map(|(facts, _)| facts).find(|facts| facts.id == id);
+        let gain = control(control::id::ANALOGUE_GAIN).or_else(|| control(control::id::GAIN));
+        Some(CameraFacts {
+            name: if is_one && is_plain { format!("v4l2:card={card}") } else { name },
+            card: card.clone(),
+            width: offer.width,
+            height: offer.height,
+            frames_per_s: offer.rates.highest(),
+            exposure_s: control(control::id::EXPOSURE).map(control::exposure_range_s),
+            gain: gain
+                .filter(|c| c.default > 0 && c.least > 0)
+                .map(|c| [c.least, c.most].map(|value| f64::from(value) / f64::from(c.default))),
+        })
+    }
+
     /// For programs.
     pub fn json(&self) -> Vec<Value> {
-        let refused =
-            self.refused.iter().map(|(path, why)| json!({ "path": path, "usable": false, "why": why }));
+        let refused = self.refused.iter().map(|node| {
+            json!({
+                "path": node.path, "usable": false, "why": node.why, "missing": missing_json(node.missing.as_ref()),
+            })
+        });
         self.cameras.iter().map(ListedCamera::json).chain(refused).collect()
     }
 
@@ -56,8 +136,9 @@ impl ListedCameras {
         for camera in &self.cameras {
             camera.print();
         }
-        for (path, why) in &self.refused {
-            println!("  {path}  not usable: {why}");
+        for node in &self.refused {
+            println!("  {}  not usable: {}", node.path, node.why);
+            print_missing(node.missing.as_ref());
         }
     }
 }

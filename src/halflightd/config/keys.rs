@@ -87,6 +87,14 @@ pub const KEYS: &[Key] = &[
         |s, v| s.imu_file = text(v)
     ),
     key!(
+        "device.rig",
+        "",
+        Range::Text,
+        "Rig file (TOML, config/rig-example.toml; `halflight rig` makes one): camera, its response and lens, inertial sensor, where the settings leave them open; empty = none.",
+        |s| word(&s.rig),
+        |s, v| s.rig = text(v)
+    ),
+    key!(
         "device.display",
         "",
         Range::Text,
@@ -149,6 +157,14 @@ pub const KEYS: &[Key] = &[
         "How exposure becomes 8 bits: \"device\" = as the device states (a camera that states nothing finds it from its own exposures at the start), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
         |s| word(&s.response),
         |s, v| s.response = text(v)
+    ),
+    key!(
+        "camera.calibration",
+        "",
+        Range::Text,
+        "Lens of the camera: a calibration file (`halflight calibrate camera`; OpenCV or ROS YAML); a scene file's own wins; empty = what the camera states.",
+        |s| word(&s.calibration),
+        |s, v| s.calibration = text(v)
     ),
     key!(
         "engine.kind",

@@ -8,6 +8,7 @@ pub mod manual;
 pub mod presets;
 pub mod range;
 pub mod resolve;
+pub mod rig;
 pub mod settings;
 mod values;
 

@@ -20,6 +20,8 @@ pub struct Settings {
     pub imu: String,
     /// `device.imu_file`; empty = none.
     pub imu_file: String,
+    /// `device.rig`; empty = none.
+    pub rig: String,
     /// `device.link`; empty = none.
     pub link: String,
     /// `camera.exposures_s`
@@ -32,6 +34,8 @@ pub struct Settings {
     pub mains: Option<Mains>,
     /// `camera.response`
     pub response: String,
+    /// `camera.calibration`; empty = what the camera states.
+    pub calibration: String,
     /// `engine.kind`
     pub engine: EngineKind,
     /// `engine.backend`
@@ -128,12 +132,14 @@ impl Default for Settings {
             is_see_through: false,
             imu: String::new(),
             imu_file: String::new(),
+            rig: String::new(),
             link: String::new(),
             exposures_s: vec![0.000_25, 0.002, 0.016],
             gain: 1.0,
             replan: true,
             mains: None,
             response: "device".into(),
+            calibration: String::new(),
             engine: EngineKind::Cpu,
             backend: BackendKind::Auto,
             threads: 0,

@@ -1,11 +1,12 @@
 //! From settings to a pipeline that is ready: one function for each thing that is opened.
 
 use super::{cache_folder, dress, engines, governing::governor_of, host::Host, known_room};
+use crate::assets::calibration;
 use crate::assets::scene::{self as scene_file, SceneFile};
 use crate::config::file;
 use crate::config::settings::{GrayWeights, Settings};
 use crate::device::bracketed::{CameraResponse, FoundResponse, Replan};
-use crate::device::imu::description::ImuDescription;
+use crate::device::imu::{description::ImuDescription, wire_log::WireLogWriter};
 use crate::device::open::{CameraOptions, ImuOptions};
 use crate::device::{Clock, DeviceError, ErrorKind, FrameSource, ImuSource, clock::MonotonicClock, open};
 use crate::engine::{Engine, EngineError, Timings, cpu::CpuEngine};
@@ -65,7 +66,8 @@ pub fn prepare_with(
     let governor = governor_of(settings)?;
     cache_folder::bound_to(settings.cache_max_mib);
     let response = response_of(settings, camera.frames.as_ref())?;
-    let OpenedScene { scene, rig, room } = open_scene(settings, camera.frames.rig(), host)?;
+    let rig = with_lens_of(settings, camera.frames.rig())?;
+    let OpenedScene { scene, rig, room } = open_scene(settings, rig, host)?;
     let engine = open_engine(settings, &scene, room.as_ref())?;
     let description = engine.description();
     let options = options_of(settings, &camera.cycle);
@@ -99,8 +101,12 @@ pub fn camera_options(settings: &Settings, found: &FoundResponse) -> Result<Came
     })
 }
 
-/// Opens the inertial sensor that the settings name.
-pub fn open_named_imu(settings: &Settings, clock: Arc<dyn Clock>) -> Result<Box<dyn ImuSource>, DeviceError> {
+/// Opens the inertial sensor that the settings name; `raw` takes all that comes over its wire.
+pub fn open_named_imu(
+    settings: &Settings,
+    clock: Arc<dyn Clock>,
+    raw: Option<WireLogWriter>,
+) -> Result<Box<dyn ImuSource>, DeviceError> {
     let refused = |why: String| DeviceError::new(&settings.imu, why, ErrorKind::Refused);
     let mut description = ImuDescription::default();
     if !settings.imu_file.is_empty() {
@@ -109,7 +115,7 @@ pub fn open_named_imu(settings: &Settings, clock: Arc<dyn Clock>) -> Result<Box<
             ImuDescription::from_toml(&text).map_err(|e| refused(format!("{}: {e}", settings.imu_file)))?;
         description = read.ok_or_else(|| refused(format!("{}: has no table [imu]", settings.imu_file)))?;
     }
-    open::open_imu(&settings.imu, clock, ImuOptions { description, raw: None })
+    open::open_imu(&settings.imu, clock, ImuOptions { description, raw })
 }
 
 /// Reads the response of the settings: the camera's own, sRGB, or a file's.
@@ -131,6 +137,22 @@ fn stated_response(settings: &Settings) -> Result<Option<Response>, PipelineErro
         "srgb" => Ok(Some(Response::srgb())),
         file => crate::assets::response::load(&path_text::to_path(file)).map(Some).map_err(setup),
     }
+}
+
+/// What a device knows of its rig, with the lens that the settings name.
+fn with_lens_of(settings: &Settings, rig: Option<Rig>) -> Result<Option<Rig>, PipelineError> {
+    if settings.calibration.is_empty() {
+        return Ok(rig);
+    }
+    let file = path_text::to_path(&settings.calibration);
+    let lens = calibration::load(&file).map_err(setup)?;
+    Ok(Some(match rig {
+        Some(rig) => {
+            let (width, height) = (rig.lens.width as usize, rig.lens.height as usize);
+            Rig { lens: calibration::for_picture(lens, width, height, &file).map_err(setup)?, ..rig }
+        }
+        None => Rig { lens, tags: Vec::new(), ball: None },
+    }))
 }
 
 /// Loads the scene of the settings with the rig that the device or the scene file knows, and makes its bodies and its room

@@ -100,7 +100,9 @@ fn run_live(
     live.add_camera(&settings.camera, camera_opener(source, settings, pace.clone(), found), early)?;
     if !settings.imu.is_empty() {
         let (named, clock) = (settings.clone(), Arc::new(MonotonicClock::default()));
-        live.add_imu(&settings.imu, move |_| open_named_imu(&named, Arc::<MonotonicClock>::clone(&clock)))?;
+        live.add_imu(&settings.imu, move |_| {
+            open_named_imu(&named, Arc::<MonotonicClock>::clone(&clock), None)
+        })?;
     } else if let Some(imu) = imu {
         live.add_imu(&settings.camera, imu_opener(imu, settings, pace))?;
     }

@@ -4,7 +4,7 @@ use super::*;
 use crate::math::dice::Dice;
 
 /// A curve by rule: gamma, contrast and shoulder as webcams have them, a little different in each channel.
-fn response(seed: u64) -> Response {
+pub(super) fn response(seed: u64) -> Response {
     let mut dice = Dice::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let gamma = dice.between(1.5, 2.6);
     let contrast = dice.between(-0.1, 0.35);

@@ -11,6 +11,7 @@ pub(super) struct RigFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ImuTable {
+    pub(super) name: Option<String>,
     pub(super) protocol: Option<String>,
     pub(super) baud: Option<u32>,
     pub(super) rate_hz: Option<f64>,

@@ -37,7 +37,29 @@ const BUILT_IN: [(u16, u16, ReportProtocol); 3] = [
     (0x054C, 0x09AF, ReportProtocol::Psvr),
 ];
 
+/// Makers' and products' numbers of what is built in.
+pub fn known_ids() -> impl Iterator<Item = (u16, u16)> {
+    BUILT_IN.into_iter().map(|(vendor, product, _)| (vendor, product))
+}
+
+/// The protocol of a device whose numbers are built in.
+pub fn built_in(ids: (u16, u16)) -> Option<ReportProtocol> {
+    BUILT_IN
+        .into_iter()
+        .find(|(vendor, product, _)| (*vendor, *product) == ids)
+        .map(|(_, _, protocol)| protocol)
+}
+
 impl ReportProtocol {
+    /// Its name, as in [`PROTOCOLS`].
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Rift => "rift",
+            Self::Psvr => "psvr",
+            Self::Described(_) => "described",
+        }
+    }
+
     /// The protocol: what the device's name says, else the rig, else what is built in for the maker's and product's numbers.
     pub fn choose(
         named: Option<&str>,
@@ -50,8 +72,7 @@ impl ReportProtocol {
             allowed,
         };
         let Some(name) = named.or(description.protocol.as_deref()) else {
-            let built_in = BUILT_IN.into_iter().find(|(vendor, product, _)| (*vendor, *product) == ids);
-            return built_in.map(|(_, _, protocol)| protocol).ok_or_else(|| {
+            return built_in(ids).ok_or_else(|| {
                 let allowed = format!(
                     "{:04x}:{:04x} is not built in; say one of {}",
                     ids.0,

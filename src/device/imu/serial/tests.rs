@@ -128,3 +128,94 @@ fn a_path_that_is_no_port_is_told() {
         "{error}"
     );
 }
+
+/// A log that the test reads while the sensor writes it.
+#[derive(Clone, Default)]
+struct KeptLog(Arc<std::sync::Mutex<Vec<u8>>>);
+
+impl Write for KeptLog {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A source that keeps what it gives, and raises the signal after so many samples.
+struct Kept<'a> {
+    imu: Box<dyn ImuSource>,
+    given: Vec<ImuSample>,
+    most: usize,
+    stop: &'a crate::clock::Signal,
+}
+
+impl ImuSource for Kept<'_> {
+    fn next(&mut self, deadline: Timestamp) -> Result<ImuSample, DeviceError> {
+        let sample = self.imu.next(deadline)?;
+        self.given.push(sample);
+        if self.given.len() == self.most {
+            self.stop.raise();
+        }
+        Ok(sample)
+    }
+}
+
+#[test]
+fn a_wire_log_has_every_byte_and_gives_the_same_samples_again() {
+    for kind in ["rvc", "described"] {
+        let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::new());
+        let (mut master, path) = pair();
+        let name = format!("serial:{path},protocol={kind},rate={RATE_HZ}");
+        let kept = KeptLog::default();
+        let raw = Some(WireLogWriter::new(Box::new(kept.clone()), &name).unwrap());
+        let options = ImuOptions { description: description(), raw };
+        let imu = open_imu(&name, Arc::clone(&clock), options).unwrap();
+        let sent: Vec<u8> = (0..40).flat_map(|k| [frame(kind, k, 1), vec![0x11; k % 3]].concat()).collect();
+        master.write_all(&sent).unwrap();
+        let stop = crate::clock::Signal::default();
+        let mut imu = Kept { imu, given: Vec::new(), most: 30, stop: &stop };
+        let seen = crate::imu::alone::run(&mut imu, &*clock, &stop, None).unwrap();
+        assert!(seen.samples == 30 && seen.span_s > 0.0, "{kind}: {seen:?}");
+        // What has not been read yet is read until nothing comes.
+        while let Ok(sample) = imu.imu.next(clock.now().plus_seconds(0.2)) {
+            imu.given.push(sample);
+        }
+        let text = String::from_utf8(kept.0.lock().unwrap().clone()).unwrap();
+        let reads = crate::imu::wire_log::read(&text).unwrap();
+        let logged: Vec<u8> = reads.iter().flat_map(|(_, bytes)| bytes.clone()).collect();
+        assert_eq!(logged, sent, "{kind}");
+        // The same bytes at the same times, through the same parser and assembler.
+        let described = description();
+        let mut wire = Wire::new(&described.serial_protocol(Some(kind)).unwrap(), RATE_HZ);
+        let mut assembler = Assembler::new(RATE_HZ, described.imu_from_sensor);
+        let mut again = Vec::new();
+        for (arrival, bytes) in reads {
+            wire.feed(&bytes, arrival, |sample| assembler.put(sample));
+            while let Some(sample) = assembler.take() {
+                again.push(sample);
+            }
+        }
+        assert_eq!(again, imu.given, "{kind}");
+    }
+}
+
+#[test]
+fn a_sensor_by_itself_ends_after_its_seconds_or_when_it_is_gone() {
+    let clock: Arc<dyn Clock> = Arc::new(FastClock(MonotonicClock::new()));
+    let (mut master, path) = pair();
+    let mut imu = open(&path, "rvc", &clock).unwrap();
+    let never = crate::clock::Signal::default();
+    let seen = crate::imu::alone::run(&mut *imu, &*clock, &never, Some(1e-3)).unwrap();
+    assert_eq!(seen.samples, 0);
+    let clock: Arc<dyn Clock> = Arc::new(MonotonicClock::new());
+    let mut imu = open(&path, "rvc", &clock).unwrap();
+    for k in 0..10 {
+        master.write_all(&frame("rvc", k, 1)).unwrap();
+    }
+    assert!(imu.next(clock.now().plus_seconds(2.0)).is_ok());
+    drop(master);
+    assert!(crate::imu::alone::run(&mut *imu, &*clock, &never, None).unwrap().samples > 0);
+    assert!(crate::imu::alone::run(&mut *imu, &*clock, &never, None).is_err());
+}

@@ -1,0 +1,152 @@
+//! Synthetic views of a board through lenses that are known.
+
+use super::*;
+use crate::math::dice::Dice;
+use glam::DQuat;
+
+const GRID: AprilGrid = AprilGrid { columns: 6, rows: 6, size_m: 0.088, spacing: 0.3 };
+const SIZE: (u32, u32) = (640, 480);
+
+fn lens(distortion: Distortion) -> Lens {
+    Lens { distortion, ..Lens::pinhole(SIZE.0, SIZE.1, 452.3, 455.1, 326.4, 236.8) }
+}
+
+fn radial() -> Lens {
+    lens(Distortion::RadialTangential([-0.28, 0.09, 0.0008, -0.0005, -0.01, 0.0, 0.0, 0.0]))
+}
+
+fn fisheye() -> Lens {
+    Lens { fx: 280.0, fy: 281.5, ..lens(Distortion::Equidistant([0.02, -0.012, 0.004, -0.001])) }
+}
+
+/// Views of the board from all sides, as far as it is within the picture; `tilt` at most so many degrees.
+fn views(lens: &Lens, seed: u64, count: usize, tilt_deg: f64, noise_px: f64) -> Vec<Vec<BoardPoint>> {
+    let mut dice = Dice::new(seed);
+    let middle = DVec2::splat(0.5 * GRID.size_m * (6.0 + 5.0 * GRID.spacing));
+    let mut views = Vec::new();
+    while views.len() < count {
+        // The board's x to the right, its y up, towards the camera.
+        let facing = DQuat::from_rotation_x(std::f64::consts::PI);
+        let axis = DVec3::new(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.between(-0.3, 0.3));
+        let turn = DQuat::from_axis_angle(axis.normalize(), (dice.unit() * tilt_deg).to_radians());
+        let target = DVec2::new(dice.between(0.15, 0.85) * 640.0, dice.between(0.15, 0.85) * 480.0);
+        let place = lens.unproject(target).unwrap() * dice.between(0.55, 1.1);
+        let rotation = turn * facing;
+        let pose = Pose::new(rotation, place - rotation * middle.extend(0.0));
+        let corners = (0..36).flat_map(|id| GRID.corners(id).unwrap());
+        let seen = corners.filter_map(|on_board| {
+            let noise = DVec2::new(dice.normal(), dice.normal()) * noise_px;
+            let pixel = lens.project(pose.transform(on_board.extend(0.0)))?;
+            let inside = pixel.x > 2.0 && pixel.y > 2.0 && pixel.x < 638.0 && pixel.y < 478.0;
+            inside.then_some(BoardPoint { on_board, pixel: pixel + noise })
+        });
+        let seen: Vec<BoardPoint> = seen.collect();
+        if seen.len() >= LEAST_POINTS {
+            views.push(seen);
+        }
+    }
+    views
+}
+
+/// The largest difference of the two distortions along the radius to the picture's corner, pixels of the true lens.
+fn curve_error_px(found: &Lens, truth: &Lens) -> f64 {
+    let bent = |lens: &Lens, ray: DVec3| {
+        let pixel = lens.project(ray)?;
+        Some((pixel - DVec2::new(lens.cx, lens.cy)) / DVec2::new(lens.fx, lens.fy))
+    };
+    let mut worst = 0.0f64;
+    for j in 0..=12 {
+        for i in 0..=16 {
+            let Some(ray) = truth.unproject(DVec2::new(f64::from(i), f64::from(j)) * 40.0) else { continue };
+            let (a, b) = (bent(found, ray).unwrap(), bent(truth, ray).unwrap());
+            worst = worst.max(a.distance(b) * truth.fx);
+        }
+    }
+    worst
+}
+
+#[test]
+fn a_known_lens_is_found_again() {
+    for (name, truth, kind) in [
+        ("radial", radial(), DistortionKind::RadialTangential),
+        ("fisheye", fisheye(), DistortionKind::Equidistant),
+        ("pinhole", lens(Distortion::None), DistortionKind::RadialTangential),
+    ] {
+        let (mut worst_focal, mut worst_curve, mut squares) = (0.0f64, 0.0f64, 0.0);
+        let seeds = 12;
+        for seed in 1..=seeds {
+            let found = calibrate(&views(&truth, seed, 20, 40.0, 0.1), SIZE, kind).unwrap();
+            let focal = (found.lens.fx / truth.fx - 1.0).abs().max((found.lens.fy / truth.fy - 1.0).abs());
+            worst_focal = worst_focal.max(focal);
+            worst_curve = worst_curve.max(curve_error_px(&found.lens, &truth));
+            squares += ((found.lens.fx - truth.fx) / found.sigma_px[0]).powi(2) / seeds as f64;
+            assert!((found.rms_px - 0.141).abs() < 0.01, "{name} {seed}: {}", found.rms_px);
+            assert!(found.coverage > 0.8 && found.outliers == 0, "{name} {seed}: {found:?}");
+        }
+        println!(
+            "{name}: focal {:.3} %, curve {worst_curve:.3} px, errors/sigma {:.2}",
+            100.0 * worst_focal,
+            squares.sqrt()
+        );
+        assert!(worst_focal < 0.002 && worst_curve < 0.3, "{name}: {worst_focal} {worst_curve}");
+        // The stated deviations are those of the errors.
+        assert!((0.5..1.8).contains(&squares.sqrt()), "{name}: {squares}");
+    }
+}
+
+#[test]
+fn exact_views_give_the_lens_exactly() {
+    for (truth, kind) in
+        [(radial(), DistortionKind::RadialTangential), (fisheye(), DistortionKind::Equidistant)]
+    {
+        let found = calibrate(&views(&truth, 7, 8, 40.0, 0.0), SIZE, kind).unwrap();
+        assert!((found.lens.fx - truth.fx).abs() < 1e-3, "{found:?}");
+        assert!(found.rms_px < 1e-4 && curve_error_px(&found.lens, &truth) < 1e-2, "{found:?}");
+    }
+}
+
+#[test]
+fn wrong_corners_are_left_out() {
+    let truth = radial();
+    let mut seen = views(&truth, 3, 16, 40.0, 0.1);
+    for (k, view) in seen.iter_mut().enumerate() {
+        view[k].pixel += DVec2::new(9.0, -14.0);
+    }
+    let found = calibrate(&seen, SIZE, DistortionKind::RadialTangential).unwrap();
+    assert_eq!(found.outliers, 16);
+    assert!((found.lens.fx / truth.fx - 1.0).abs() < 0.002);
+}
+
+#[test]
+fn too_few_views_and_views_without_tilt_are_refused() {
+    let kind = DistortionKind::RadialTangential;
+    let three = views(&radial(), 1, 3, 40.0, 0.1);
+    assert_eq!(calibrate(&three, SIZE, kind), Err(CalibrateError::TooFewViews { found: 3 }));
+    let mut cut = views(&radial(), 1, 6, 40.0, 0.1);
+    cut[1].truncate(LEAST_POINTS - 1);
+    assert_eq!(calibrate(&cut, SIZE, kind).unwrap().views.len(), 5);
+    for seed in 1..6 {
+        let flat = views(&radial(), seed, 12, 0.0, 0.1);
+        let refused = calibrate(&flat, SIZE, kind).unwrap_err();
+        let is_told = matches!(refused, CalibrateError::NoTilt { .. } | CalibrateError::Open { .. });
+        assert!(is_told, "{seed}: {refused}");
+    }
+    let noise: Vec<Vec<BoardPoint>> = (0..6)
+        .map(|seed| {
+            let mut dice = Dice::new(seed);
+            let corners = (0..36).flat_map(|id| GRID.corners(id).unwrap());
+            corners
+                .map(|on_board| BoardPoint { on_board, pixel: DVec2::new(dice.unit(), dice.unit()) * 480.0 })
+                .collect()
+        })
+        .collect();
+    assert!(calibrate(&noise, SIZE, kind).is_err());
+}
+
+#[test]
+fn the_grid_is_kalibr_s() {
+    let corners = GRID.corners(7).unwrap();
+    assert!(corners[0].distance(DVec2::splat(0.088 * 1.3)) < 1e-12);
+    assert!((corners[2] - corners[0]).distance(DVec2::splat(0.088)) < 1e-12);
+    assert_eq!(GRID.corners(36), None);
+}

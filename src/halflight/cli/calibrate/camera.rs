@@ -1,0 +1,215 @@
+//! `halflight calibrate camera`.
+
+use crate::assets::{calibration, pictures};
+use crate::calibrate::{AprilGrid, BoardPoint, CalibratedLens, DistortionKind, LEAST_POINTS, calibrate};
+use crate::cli::output::{shown, write_file};
+use crate::cli::progress::Bar;
+use crate::cli::run_folder::{need_folder_of, refuse_existing};
+use crate::cli::{CliError, GlobalOptions, JSON_FORMAT};
+use crate::math::lens::Distortion;
+use crate::model::image::Image;
+use crate::track::tag::{TagDetection, TagDetector, TagOptions, gray_of};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// What `--board` may say.
+const BOARD: &str = "apriltag:COLUMNSxROWS,size=METRES,spacing=GAP, e.g. apriltag:6x6,size=0.088,spacing=0.3";
+/// Most tags of a side; the family has 587.
+const MOST_TAGS: u32 = 587;
+
+/// Arguments of `halflight calibrate camera`.
+#[derive(clap::Args, Debug)]
+pub struct CameraArguments {
+    /// Pictures of the board (PNG or JPEG, as the camera gave them, of one size): tilted to all sides, into all corners.
+    #[arg(required = true)]
+    pictures: Vec<PathBuf>,
+    /// The board: a grid of tag36h11 tags as Kalibr lays it out, tag 0 at the lower left; side of a tag's black square in metres,
+    /// gap as a share of it. Black borders of one cell.
+    #[arg(long, value_name = "apriltag:6x6,size=0.088,spacing=0.3")]
+    board: String,
+    /// Solve for a fisheye (equidistant, k1 to k4) in place of k1 k2 p1 p2 k3.
+    #[arg(long)]
+    fisheye: bool,
+    /// The calibration to write (OpenCV's YAML).
+    #[arg(long, value_name = "FILE.yml")]
+    out: PathBuf,
+    /// Replace a file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs it.
+pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
+    let board = board_of(&a.board)?;
+    need_folder_of(&a.out)?;
+    refuse_existing(&a.out, a.force)?;
+    let (views, size) = views_of(&a.pictures, &board)?;
+    let kind = match a.fisheye {
+        true => DistortionKind::Equidistant,
+        false => DistortionKind::RadialTangential,
+    };
+    let found = calibrate(&views, size, kind).map_err(|e| CliError(format!("{}: {e}", a.board)))?;
+    let note = format!(
+        "halflight calibrate camera: {} views, rms {:.3} px, fx +- {:.2} px, fy +- {:.2} px",
+        found.views.len(),
+        found.rms_px,
+        found.sigma_px[0],
+        found.sigma_px[1]
+    );
+    write_file(&a.out, calibration::to_yaml(&found.lens, &note))?;
+    if global.json {
+        println!("{}", json_of(&a, &found, &views));
+    } else {
+        print(&a, &found, &views);
+    }
+    Ok(())
+}
+
+/// Reads `--board`.
+fn board_of(text: &str) -> Result<AprilGrid, CliError> {
+    let wrong = |what: String| CliError::on(format!("--board {text}"), format!("{what}: must be {BOARD}"));
+    let rest = text.strip_prefix("apriltag:").ok_or_else(|| wrong("an unknown board".into()))?;
+    let mut parts = rest.split(',');
+    let sides = parts.next().and_then(|sides| sides.split_once('x'));
+    let (columns, rows) = sides
+        .and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)))
+        .ok_or_else(|| wrong("no grid".into()))?;
+    let mut board = AprilGrid { columns, rows, size_m: 0.0, spacing: f64::NAN };
+    for part in parts {
+        let number = |text: &str| text.parse::<f64>().map_err(|_e| wrong(format!("\"{part}\"")));
+        match part.split_once('=') {
+            Some(("size", text)) => board.size_m = number(text)?,
+            Some(("spacing", text)) => board.spacing = number(text)?,
+            _ => return Err(wrong(format!("\"{part}\""))),
+        }
+    }
+    if columns == 0 || rows == 0 || columns.checked_mul(rows).is_none_or(|tags| tags > MOST_TAGS) {
+        return Err(wrong(format!("{columns} x {rows} tags: 1 to {MOST_TAGS} of them")));
+    }
+    if !(0.001..=10.0).contains(&board.size_m) {
+        return Err(wrong(format!("size = {}: 0.001 to 10 metres", board.size_m)));
+    }
+    if !(0.0..=10.0).contains(&board.spacing) {
+        return Err(wrong(format!("spacing = {}: 0 to 10 sides of a tag", board.spacing)));
+    }
+    Ok(board)
+}
+
+/// The points of the board in each picture, and the size of the pictures.
+type SeenBoards = (Vec<Vec<BoardPoint>>, (u32, u32));
+
+fn views_of(files: &[PathBuf], board: &AprilGrid) -> Result<SeenBoards, CliError> {
+    let mut detector = TagDetector::new(TagOptions::thorough())?;
+    let (mut gray, mut tags) = (Image::default(), Vec::new());
+    let (mut views, mut size) = (Vec::new(), None);
+    let bar = Bar::of_count(Some(files.len() as u64), "pictures");
+    for file in files {
+        let picture = pictures::load_rgb8(file)?;
+        let this = (picture.width(), picture.height());
+        let (width, height) = *size.get_or_insert(this);
+        if this != (width, height) {
+            let why = format!("is {} x {}, the pictures before it {width} x {height}", this.0, this.1);
+            return Err(CliError::on(file.display(), why));
+        }
+        gray_of(&picture, &mut gray);
+        tags.clear();
+        detector.detect(&gray, None, &mut tags).map_err(|e| CliError::on(file.display(), e))?;
+        views.push(points_of(&tags, board));
+        bar.add_one();
+    }
+    let (width, height) = size.unwrap_or_default();
+    Ok((views, (width as u32, height as u32)))
+}
+
+/// Corners of the board's tags; a tag that is seen twice is none.
+fn points_of(tags: &[TagDetection], board: &AprilGrid) -> Vec<BoardPoint> {
+    let is_one = |tag: &&TagDetection| tags.iter().filter(|other| other.id == tag.id).count() == 1;
+    let corners = tags.iter().filter(is_one).filter_map(|tag| Some((board.corners(tag.id)?, tag.corners_px)));
+    corners
+        .flat_map(|(on_board, pixels)| on_board.into_iter().zip(pixels))
+        .map(|(on_board, pixel)| BoardPoint { on_board, pixel })
+        .collect()
+}
+
+/// Pictures that show too little of the board.
+fn left_out<'a>(a: &'a CameraArguments, views: &[Vec<BoardPoint>]) -> Vec<(&'a Path, usize)> {
+    let few = a.pictures.iter().zip(views).filter(|(_, view)| view.len() < LEAST_POINTS);
+    few.map(|(file, view)| (file.as_path(), view.len())).collect()
+}
+
+fn model_of(distortion: Distortion) -> (&'static str, Vec<f64>) {
+    match distortion {
+        Distortion::None => ("none", Vec::new()),
+        Distortion::RadialTangential(k) => ("plumb_bob", k[..5].to_vec()),
+        Distortion::Equidistant(k) => ("equidistant", k.to_vec()),
+    }
+}
+
+fn json_of(a: &CameraArguments, found: &CalibratedLens, views: &[Vec<BoardPoint>]) -> serde_json::Value {
+    let (lens, [fx, fy, cx, cy]) = (&found.lens, found.sigma_px);
+    let (model, distortion) = model_of(lens.distortion);
+    let seen: Vec<_> = (found.views.iter())
+        .map(|v| {
+            json!({
+                "picture": shown(&a.pictures[v.index]), "points": v.points, "rms_px": v.rms_px,
+                "tilt_deg": v.tilt_deg,
+            })
+        })
+        .collect();
+    let few: Vec<_> = (left_out(a, views).into_iter())
+        .map(|(file, points)| json!({ "picture": shown(file), "points": points }))
+        .collect();
+    json!({
+        "format": JSON_FORMAT, "what": "camera", "file": shown(&a.out), "rms_px": found.rms_px,
+        "coverage": found.coverage, "outliers": found.outliers, "width_px": lens.width, "height_px": lens.height,
+        "fx_px": lens.fx, "fy_px": lens.fy, "cx_px": lens.cx, "cy_px": lens.cy, "fx_sigma_px": fx, "fy_sigma_px": fy,
+        "cx_sigma_px": cx, "cy_sigma_px": cy, "distortion_model": model, "distortion": distortion, "views": seen,
+        "left_out": few,
+    })
+}
+
+fn print(a: &CameraArguments, found: &CalibratedLens, views: &[Vec<BoardPoint>]) {
+    let (lens, [fx, fy, cx, cy]) = (&found.lens, found.sigma_px);
+    println!("picture                            points   rms px   tilt");
+    for v in &found.views {
+        let name = shown(&a.pictures[v.index]);
+        println!("{name:<34} {:>6}   {:>6.3}   {:>3.0} deg", v.points, v.rms_px, v.tilt_deg);
+    }
+    for (file, points) in left_out(a, views) {
+        println!("{:<34} {points:>6}   left out: shows fewer than {LEAST_POINTS} corners", shown(file));
+    }
+    println!("{}: reprojection rms {:.3} px", a.out.display(), found.rms_px);
+    println!("fx {:.2} +- {fx:.2} px, fy {:.2} +- {fy:.2} px", lens.fx, lens.fy);
+    println!("cx {:.2} +- {cx:.2} px, cy {:.2} +- {cy:.2} px", lens.cx, lens.cy);
+    let (model, distortion) = model_of(lens.distortion);
+    let numbers: Vec<String> = distortion.iter().map(|k| format!("{k:.5}")).collect();
+    println!("distortion ({model}): {}", numbers.join(", "));
+    println!("the board was seen in {:.0} % of the picture", 100.0 * found.coverage);
+    if found.outliers > 0 {
+        println!("{} corners fit nothing and were left out", found.outliers);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_are_read_and_mistakes_say_what_is_allowed() {
+        let board = board_of("apriltag:6x5,size=0.088,spacing=0.3").unwrap();
+        assert_eq!(board, AprilGrid { columns: 6, rows: 5, size_m: 0.088, spacing: 0.3 });
+        for (text, said) in [
+            ("chess:6x6", "an unknown board"),
+            ("apriltag:6,size=1", "no grid"),
+            ("apriltag:6x0,size=0.1,spacing=0.3", "6 x 0 tags"),
+            ("apriltag:60x60,size=0.1,spacing=0.3", "1 to 587"),
+            ("apriltag:6x6,spacing=0.3", "size = 0"),
+            ("apriltag:6x6,size=0.1", "spacing = NaN"),
+            ("apriltag:6x6,size=x,spacing=0.3", "\"size=x\""),
+            ("apriltag:6x6,side=1", "\"side=1\""),
+        ] {
+            let error = board_of(text).unwrap_err().to_string();
+            assert!(error.contains(said) && error.contains("e.g. apriltag:6x6"), "{text}: {error}");
+        }
+    }
+}
