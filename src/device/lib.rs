@@ -27,6 +27,8 @@ pub mod developed;
 pub mod error;
 pub mod fake;
 pub mod imu;
+#[cfg(feature = "libcamera")]
+pub mod libcamera;
 pub mod null_display;
 pub mod open;
 pub mod pace;
