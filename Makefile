@@ -15,6 +15,12 @@ PYTHON_PACKAGES := python3 python3-venv
 PYTHON_READERS := mcap mcap-protobuf-support jsonschema
 # Only for the guest with real kernel drivers. Its kernel and busybox are downloaded and unpacked, not installed.
 VM_PACKAGES := qemu-system-x86
+# Only for cameras behind libcamera. The binding is for the versions before 0.4: Debian 12 has one, Debian 13 a later one.
+LIBCAMERA_PACKAGES := libcamera-dev libcamera-ipa
+LIBCAMERA := pkg-config --exists 'libcamera < 0.4' 2>/dev/null
+# Asked when a recipe begins, after what it needs has been installed. Every call of cargo has the same features, so that nothing is
+# built twice. `make FEATURES= ..` leaves libcamera out.
+FEATURES = $(shell $(LIBCAMERA) && echo --features libcamera)
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 HALFLIGHT := target/release/halflight
 
@@ -24,7 +30,7 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures tradeoff presets docs test test-vm fuzz bench lint tools-build tools-gpu tools-film tools-browser tools-python tools-vm release
+.PHONY: help demo demo-real figures tradeoff presets docs test test-vm fuzz bench lint tools-build tools-packages tools-libcamera tools-gpu tools-film tools-browser tools-python tools-vm release
 
 # What the front of error against time is measured on: all bundled scenes.
 SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
@@ -44,7 +50,19 @@ help:
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
 
-tools-build:
+tools-build: tools-packages tools-libcamera
+	@echo "libcamera: $(if $(FEATURES),on,off: libcamera-dev before 0.4 is neither installed nor offered by apt)"
+
+# Nothing here fails where it cannot be had.
+tools-libcamera: tools-packages
+ifneq ($(origin FEATURES),command line)
+	@offered() { apt-cache policy libcamera-dev 2>/dev/null | sed -n 's/^ *Candidate: //p' | grep '^[0-9]'; }; \
+	$(LIBCAMERA) || { offered >/dev/null || $(SUDO) apt-get update -qq || true; \
+	case "$$(offered)" in 0.[0-3].*) echo "Installing: $(LIBCAMERA_PACKAGES)"; DEBIAN_FRONTEND=noninteractive \
+	$(SUDO) apt-get install -y -qq --no-install-recommends $(LIBCAMERA_PACKAGES) >/dev/null || true;; esac; }
+endif
+
+tools-packages:
 	$(call install,$(BUILD_PACKAGES))
 ifeq ($(shell PATH="$(PATH)" command -v cargo),)
 	$(call install,$(RUST_PACKAGES))
@@ -72,7 +90,7 @@ tools-film:
 	$(call install,$(FILM_PACKAGES))
 
 release: tools-build
-	cargo build --release --locked --bins
+	cargo build --release --locked --bins $(FEATURES)
 
 demo: release tools-film
 	$(HALFLIGHT) replay tests/recordings/desk.mcap --scene tests/scenes/walker.toml --out out
@@ -85,16 +103,16 @@ demo-real: release
 	bash tests/real/demo.sh $(HALFLIGHT) out/real
 
 test: tools-build tools-gpu tools-browser tools-python
-	cargo build --release --locked --bins
-	REQUIRE_RELEASE=1 bash tests/run.sh
+	cargo build --release --locked --bins $(FEATURES)
+	REQUIRE_RELEASE=1 bash tests/run.sh $(FEATURES)
 
 test-vm: tools-build tools-vm
-	cargo build --release --locked --bins
-	cargo build --locked --workspace --bin halflight-vm --bin halflight-vm-agent
+	cargo build --release --locked --bins $(FEATURES)
+	cargo build --locked --workspace --bin halflight-vm --bin halflight-vm-agent $(FEATURES)
 	target/debug/halflight-vm $(STEPS)
 
 fuzz: tools-build
-	HALFLIGHT_ABUSE=1000000 HALFLIGHT_ABUSE_SEED=$$(date +%s) cargo test --locked --test abuse -- --nocapture
+	HALFLIGHT_ABUSE=1000000 HALFLIGHT_ABUSE_SEED=$$(date +%s) cargo test --locked --test abuse $(FEATURES) -- --nocapture
 
 tradeoff: release
 	$(HALFLIGHT) tradeoff $(SUBJECTS) --config tests/scenes/room-settings.toml --frame 40 --quick --out out/tradeoff
@@ -117,9 +135,9 @@ docs: release tools-gpu
 	$(HALFLIGHT) explain $$(echo $$scene | sed 's/@/ --scene /') --config tests/scenes/room-settings.toml 2>/dev/null || exit 1; printf '```\n'; done; } > docs/effects.md
 
 bench: tools-gpu tools-build
-	cargo bench --locked --bench ratios
+	cargo bench --locked --bench ratios $(FEATURES)
 
 lint:
 	cargo fmt --check
-	cargo clippy --workspace --locked --all-targets -- -D warnings
+	cargo clippy --workspace --locked --all-targets $(FEATURES) -- -D warnings
 	@if command -v cargo-deny >/dev/null; then cargo deny --locked check licenses bans sources; else echo "SKIPPED cargo deny: not installed"; fi

@@ -28,6 +28,8 @@ pub mod developed;
 pub mod error;
 pub mod fake;
 pub mod imu;
+#[cfg(feature = "libcamera")]
+pub mod libcamera;
 pub mod measured;
 pub mod null_display;
 pub mod open;

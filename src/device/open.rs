@@ -11,7 +11,11 @@ use super::{
     synthetic,
 };
 #[cfg(feature = "v4l2")]
-use super::{bracketed::BracketedCamera, clock::MonotonicClock, developed::DevelopedCamera};
+use super::{
+    bracketed::{BracketedCamera, ExposureControl},
+    clock::MonotonicClock,
+    developed::{CaptureSource, DevelopedCamera},
+};
 #[cfg(feature = "v4l2")]
 use crate::hdr::develop::SensorOptions;
 use std::sync::Arc;
@@ -25,14 +29,15 @@ pub struct OpenedDevices {
 }
 
 /// What stands before the colon of a camera's name.
-pub const SCHEMES: [&str; 4] = ["auto", "synthetic", "replay", "v4l2"];
+pub const SCHEMES: [&str; 5] = ["auto", "synthetic", "replay", "v4l2", "libcamera"];
 /// What stands before the colon of a display's name.
 pub const DISPLAYS: [&str; 1] = ["null"];
 /// Names of command links.
 pub const LINKS: [&str; 1] = ["stdio"];
 
 /// Opens `auto` (the best camera there is), `synthetic:key=value,..` (see `synthetic::SyntheticOptions`), `replay:FILE` or a path that ends in `.mcap`,
-/// `v4l2:/dev/video0,..` (see `v4l2::V4l2Options`) or a path that begins with `/dev/video` or `/dev/v4l`.
+/// `v4l2:/dev/video0,..` (see `v4l2::V4l2Options`) or a path that begins with `/dev/video` or `/dev/v4l`, `libcamera:ID,..` (see
+/// `libcamera::LibcameraOptions`).
 /// `Refused` for anything else, with what is known and what comes nearest.
 pub fn open(name: &str) -> Result<OpenedDevices, DeviceError> {
     open_with(name, CameraOptions::default())
@@ -70,15 +75,23 @@ pub fn open_with(name: &str, options: CameraOptions) -> Result<OpenedDevices, De
         #[cfg(feature = "v4l2")]
         "v4l2" => open_v4l2(rest, options),
         #[cfg(feature = "v4l2")]
-        "auto" if rest.is_empty() => open_v4l2("", options),
+        "auto" if rest.is_empty() => open_best(options),
         #[cfg(not(feature = "v4l2"))]
         "v4l2" | "auto" => {
             let action = "this program was built without V4L2 (feature v4l2)";
             drop(options);
             Err(DeviceError::new(name, action, ErrorKind::Refused))
         }
+        #[cfg(feature = "libcamera")]
+        "libcamera" => open_libcamera(rest, options),
+        #[cfg(not(feature = "libcamera"))]
+        "libcamera" => {
+            let action = "this program was built without libcamera (feature libcamera; make switches it on where libcamera-dev is)";
+            Err(DeviceError::new(name, action, ErrorKind::Refused))
+        }
         _ => {
-            let known = "auto | v4l2:/dev/video0 | synthetic:key=value,.. | replay:FILE | FILE.mcap";
+            let known =
+                "auto | v4l2:/dev/video0 | libcamera:ID | synthetic:key=value,.. | replay:FILE | FILE.mcap";
             Err(unknown(name, scheme, &SCHEMES, known))
         }
     }
@@ -87,8 +100,32 @@ pub fn open_with(name: &str, options: CameraOptions) -> Result<OpenedDevices, De
 /// A camera of the kernel, with its exposures in turn.
 #[cfg(feature = "v4l2")]
 fn open_v4l2(rest: &str, options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
-    let name = format!("v4l2:{rest}");
     let camera = super::v4l2::open(rest, Arc::new(MonotonicClock::default()))?;
+    with_exposures(format!("v4l2:{rest}"), camera, options)
+}
+
+/// A camera behind libcamera. One whose metadata states each frame's exposure passes through the bracketing untouched.
+#[cfg(feature = "libcamera")]
+fn open_libcamera(rest: &str, options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
+    let camera = super::libcamera::open(rest, Arc::new(MonotonicClock::default()))?;
+    with_exposures(format!("libcamera:{rest}"), camera, options)
+}
+
+/// The best camera there is.
+#[cfg(feature = "v4l2")]
+fn open_best(options: CameraOptions) -> Result<OpenedDevices, DeviceError> {
+    #[cfg(feature = "libcamera")]
+    if let Some(id) = super::libcamera::best() {
+        return open_libcamera(&id, options);
+    }
+    open_v4l2("", options)
+}
+
+#[cfg(feature = "v4l2")]
+fn with_exposures<S>(name: String, camera: S, options: CameraOptions) -> Result<OpenedDevices, DeviceError>
+where
+    S: CaptureSource + ExposureControl + 'static,
+{
     let CameraOptions { response, replan } = options;
     let developed = DevelopedCamera::new(&name, camera, response.at_first(), SensorOptions::default())?;
     let frames = Box::new(BracketedCamera::new(name, developed, response).replanning(replan));

@@ -21,29 +21,15 @@ use format::FormatWish;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// The parameters that say which pictures.
+pub const PICTURES: [&str; 3] = ["size", "fps", "format"];
 /// The parameters of a camera's name.
-const KNOWN: [&str; 4] = ["card", "size", "fps", "format"];
+const KNOWN: [&str; 4] = ["card", PICTURES[0], PICTURES[1], PICTURES[2]];
 
-/// What stands behind `v4l2:`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct V4l2Options {
-    /// Which node.
-    pub node: NodeWish,
-    /// Which pictures.
-    pub wish: FormatWish,
-}
-
-impl V4l2Options {
-    /// Reads `/dev/video0,size=640x480,fps=30,format=YUYV`; all parts may be missing.
-    pub fn parse(text: &str) -> Result<Self, DeviceError> {
-        let device = format!("v4l2:{text}");
-        let (path, rest) = match text.split_once(',') {
-            Some((path, rest)) if path.starts_with('/') => (Some(path), rest),
-            None if text.starts_with('/') => (Some(text), ""),
-            _ => (None, text),
-        };
-        let parameters = Parameters::parse(&device, rest, &KNOWN)?;
-        let mut wish = FormatWish::default();
+impl FormatWish {
+    /// Reads [`PICTURES`]; all may be missing.
+    pub fn of(parameters: &Parameters) -> Result<Self, DeviceError> {
+        let mut wish = Self::default();
         if let Some(size) = parameters.text("size") {
             let sides = size.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
             let sides = sides.filter(|(w, h)| (16..=16384).contains(w) && (16..=16384).contains(h));
@@ -67,6 +53,30 @@ impl V4l2Options {
                 )
             })?);
         }
+        Ok(wish)
+    }
+}
+
+/// What stands behind `v4l2:`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct V4l2Options {
+    /// Which node.
+    pub node: NodeWish,
+    /// Which pictures.
+    pub wish: FormatWish,
+}
+
+impl V4l2Options {
+    /// Reads `/dev/video0,size=640x480,fps=30,format=YUYV`; all parts may be missing.
+    pub fn parse(text: &str) -> Result<Self, DeviceError> {
+        let device = format!("v4l2:{text}");
+        let (path, rest) = match text.split_once(',') {
+            Some((path, rest)) if path.starts_with('/') => (Some(path), rest),
+            None if text.starts_with('/') => (Some(text), ""),
+            _ => (None, text),
+        };
+        let parameters = Parameters::parse(&device, rest, &KNOWN)?;
+        let wish = FormatWish::of(&parameters)?;
         let node = match (path, parameters.text("card")) {
             (Some(_), Some(card)) => return Err(parameters.refuse("card", card, "a path was given, too")),
             (Some(path), None) => NodeWish::Path(PathBuf::from(path)),

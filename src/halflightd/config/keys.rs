@@ -50,7 +50,7 @@ pub const KEYS: &[Key] = &[
         "device.camera",
         "",
         Range::Text,
-        "Where frames come from: \"auto\" = the best camera there is, \"v4l2:/dev/video0,size=640x480,fps=30\", \"v4l2:card=TEXT\", \"synthetic:frames=90,seed=1\" = a virtual room, \"replay:FILE.mcap\".",
+        "Where frames come from: \"auto\" = the best camera there is, \"v4l2:/dev/video0,size=640x480,fps=30\", \"v4l2:card=TEXT\", \"libcamera:ID\" = a sensor behind libcamera, \"synthetic:frames=90,seed=1\" = a virtual room, \"replay:FILE.mcap\".",
         |s| word(&s.camera),
         |s, v| s.camera = text(v)
     ),
