@@ -128,7 +128,7 @@ pub const KEYS: &[Key] = &[
     ),
     text_key!(
         "camera.response",
-        "How exposure becomes 8 bits: \"device\" = as the device states (sRGB where it does not), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
+        "How exposure becomes 8 bits: \"device\" = as the device states (sRGB where it does not), \"srgb\", or a JSON file written by `halflight calibrate response` or `halflight hdr --save-response`.",
         response
     ),
     text_key!(
