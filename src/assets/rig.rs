@@ -38,7 +38,7 @@ pub const KEYS: &[RigKey] = rows! {
     "camera" "gain" "" "[1.0, 8.0]", "Least and most gain, 1 = the driver's own choice, 0.001 to 1000.";
     "camera" "latency_frames" "frames" "2", "A written exposure is in force so many frames later than at once, 0 to 9: halflight calibrate latency.";
     "camera" "response" "" "\"response.json\"", "What its values mean: halflight calibrate response. Used where camera.response is device. Beside this file.";
-    "camera" "calibration" "" "\"lens.yml\"", "Its lens: halflight calibrate camera. Used where the camera states none that was measured. Beside this file.";
+    "camera" "calibration" "" "\"lens.yml\"", "Its lens: halflight calibrate camera. Used where camera.calibration is empty. Beside this file.";
     "imu" "name" "" "\"iio:name=gyro_3d\"", "The inertial sensor, as device.imu names it. Used where that is empty.";
     "imu" "protocol" "" "\"rvc\"", "How its bytes are read: rvc, witmotion, ypr, rift, psvr or described (with [imu.frame] and [[imu.field]]: docs/imu.md).";
     "imu" "baud" "1/s" "115200", "Of a serial port, 1200 to 4000000.";

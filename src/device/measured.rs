@@ -20,8 +20,10 @@ const LOOK_EVERY_S: f64 = 0.25;
 /// Rounds of a cycle within which each of its exposures must come once.
 const MOST_ROUNDS: usize = 30;
 
-/// How long a measurement waits: the clock, and the signal that ends it.
-pub struct Waiting<'a> {
+/// How a measurement waits: for whom, by which clock, and until which signal.
+pub struct Patience<'a> {
+    /// The camera's name, for messages.
+    pub device: &'a str,
     /// For waits.
     pub clock: &'a dyn Clock,
     /// Raised by whoever wants it to end.
@@ -73,9 +75,9 @@ impl MeasuredResponse {
 pub fn response_of(
     frames: &mut dyn FrameSource,
     cycle: &[Exposure],
-    waiting: &Waiting<'_>,
+    waiting: &Patience<'_>,
 ) -> Result<Option<MeasuredResponse>, DeviceError> {
-    let refused = |why: &str| DeviceError::new("camera", why, ErrorKind::Refused);
+    let refused = |why: &str| DeviceError::new(waiting.device, why, ErrorKind::Refused);
     let cycle = frames.set_exposures(cycle)?;
     if cycle.len() < 2 {
         return Err(refused("its exposure cannot be set, so nothing tells its response"));
@@ -120,7 +122,7 @@ pub fn latency_of(
     frames: &mut dyn FrameSource,
     cycle: &[Exposure],
     count: u64,
-    waiting: &Waiting<'_>,
+    waiting: &Patience<'_>,
     mut each: impl FnMut(),
 ) -> Result<Option<Report>, DeviceError> {
     frames.set_exposures(cycle)?;
@@ -134,11 +136,14 @@ pub fn latency_of(
         each();
     }
     let none = "its exposure cannot be set: there is no delay to measure";
-    frames.bracket_report().map(Some).ok_or_else(|| DeviceError::new("camera", none, ErrorKind::Refused))
+    frames
+        .bracket_report()
+        .map(Some)
+        .ok_or_else(|| DeviceError::new(waiting.device, none, ErrorKind::Refused))
 }
 
 /// The next frame; `None` where it was stopped.
-fn next(frames: &mut dyn FrameSource, waiting: &Waiting<'_>) -> Result<Option<RawFrame>, DeviceError> {
+fn next(frames: &mut dyn FrameSource, waiting: &Patience<'_>) -> Result<Option<RawFrame>, DeviceError> {
     let patience = waiting.clock.now().plus_seconds(PATIENCE_S);
     while !waiting.stop.is_raised() {
         let deadline = match frames.delivers_at_once() {
@@ -152,7 +157,7 @@ fn next(frames: &mut dyn FrameSource, waiting: &Waiting<'_>) -> Result<Option<Ra
             Err(error) if error.kind == ErrorKind::Again && waiting.clock.now() < patience => {}
             Err(error) if error.kind == ErrorKind::Again => {
                 let why = format!("no frame came within {PATIENCE_S} s");
-                return Err(DeviceError::new("camera", why, ErrorKind::Reopen));
+                return Err(DeviceError::new(waiting.device, why, ErrorKind::Reopen));
             }
             Err(error) => return Err(error),
         }

@@ -20,13 +20,13 @@ const STEP: f64 = 1e-6;
 /// What a point costs that the lens cannot see, pixels squared: far more than any that it sees.
 const UNSEEN_COST: f64 = 1e6;
 /// Improvement below which nothing is to be gained.
-const ENOUGH: f64 = 1e-10;
+const ENOUGH: f64 = 1e-8;
 
 type LensRow = [f64; OF_LENS];
 
 /// A lens and the places of its boards.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct BoardFit {
     pub lens: Lens,
     pub boards: Vec<Pose>,
     cost: f64,
@@ -46,7 +46,7 @@ struct Terms {
     boards: Vec<BoardTerms>,
 }
 
-impl Fit {
+impl BoardFit {
     /// Begins with a lens; `None` where a board cannot be placed before it.
     pub fn new(lens: Lens, views: &[Vec<BoardPoint>]) -> Option<Self> {
         let boards = views.iter().map(|view| start::board_pose(&lens, view)).collect::<Option<Vec<_>>>()?;

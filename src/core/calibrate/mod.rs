@@ -8,7 +8,7 @@ use crate::math::{
     lens::{Distortion, Lens},
     pose::Pose,
 };
-use fit::Fit;
+use fit::BoardFit;
 use glam::{DVec2, DVec3};
 
 /// Views that a calibration needs at least.
@@ -19,8 +19,10 @@ pub const LEAST_POINTS: usize = 12;
 pub const LEAST_TILT_DEG: f64 = 10.0;
 /// A focal length that is known no better, as a share of itself, is not known.
 const WORST_FOCAL_SIGMA: f64 = 0.02;
-/// A point so many times the rms off is no point of the board.
-const OUTLIER_RMS: f64 = 5.0;
+/// A point that is off by so many times the middle distance is no point of the board.
+const OUTLIER_MEDIANS: f64 = 6.0;
+/// How often that is asked.
+const ROUNDS: usize = 5;
 /// What is never taken for an outlier, pixels.
 const NO_OUTLIER_PX: f64 = 0.5;
 /// Columns and rows of cells by which coverage is counted.
@@ -162,41 +164,45 @@ pub fn calibrate(
     if kept.len() < LEAST_VIEWS {
         return Err(CalibrateError::TooFewViews { found: kept.len() });
     }
-    let mut points: Vec<Vec<BoardPoint>> = kept.iter().map(|k| views[*k].clone()).collect();
+    let all: Vec<Vec<BoardPoint>> = kept.iter().map(|k| views[*k].clone()).collect();
+    let mut points = all.clone();
     let starts = start::focal_lengths(&points, (width, height)).into_iter().filter_map(|focal_px| {
         let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
         let pinhole = Lens::pinhole(width, height, focal_px, focal_px, cx, cy);
-        let mut fit = Fit::new(Lens { distortion: kind.none(), ..pinhole }, &points)?;
+        let mut fit = BoardFit::new(Lens { distortion: kind.none(), ..pinhole }, &points)?;
         fit.refine(&points, 12);
         Some(fit)
     });
     let best = starts.min_by(|a, b| a.cost().total_cmp(&b.cost()));
     let mut fit = best.ok_or(CalibrateError::NoFit)?;
     fit.refine(&points, 200);
-    let outliers = leave_out(&mut points, &fit);
-    if outliers > 0 {
+    let mut outliers = 0;
+    // Wrong points pull good ones away, so who is wrong is asked again of all.
+    for _ in 0..ROUNDS {
+        let kept = without_outliers(&all, &fit);
+        if kept == points {
+            break;
+        }
+        outliers = all.iter().zip(&kept).map(|(all, kept)| all.len() - kept.len()).sum();
+        points = kept;
         fit.refine(&points, 200);
     }
     finish(&fit, &points, &kept, outliers)
 }
 
-/// Leaves points out that fit nothing; returns how many. A view keeps at least what it needs.
-fn leave_out(points: &mut [Vec<BoardPoint>], fit: &Fit) -> usize {
-    let limit_px = (OUTLIER_RMS * fit.median_px(points)).max(NO_OUTLIER_PX);
-    let mut left_out = 0;
-    for (k, view) in points.iter_mut().enumerate() {
-        let good: Vec<BoardPoint> =
-            view.iter().filter(|p| fit.distance_px(k, p) <= limit_px).copied().collect();
-        if good.len() >= LEAST_POINTS {
-            left_out += view.len() - good.len();
-            *view = good;
-        }
-    }
-    left_out
+/// The points without those that fit nothing. A view keeps at least what it needs.
+fn without_outliers(all: &[Vec<BoardPoint>], fit: &BoardFit) -> Vec<Vec<BoardPoint>> {
+    let limit_px = (OUTLIER_MEDIANS * fit.median_px(all)).max(NO_OUTLIER_PX);
+    let of_view = |(k, view): (usize, &Vec<BoardPoint>)| {
+        let is_good = |p: &&BoardPoint| fit.distance_px(k, p) <= limit_px;
+        let good: Vec<BoardPoint> = view.iter().filter(is_good).copied().collect();
+        if good.len() >= LEAST_POINTS { good } else { view.clone() }
+    };
+    all.iter().enumerate().map(of_view).collect()
 }
 
 fn finish(
-    fit: &Fit,
+    fit: &BoardFit,
     points: &[Vec<BoardPoint>],
     kept: &[usize],
     outliers: usize,
@@ -237,7 +243,7 @@ fn finish(
     Ok(CalibratedLens { lens: fit.lens, rms_px, sigma_px, coverage: coverage(fit, points), outliers, views })
 }
 
-fn coverage(fit: &Fit, points: &[Vec<BoardPoint>]) -> f64 {
+fn coverage(fit: &BoardFit, points: &[Vec<BoardPoint>]) -> f64 {
     let (columns, rows) = CELLS;
     let mut seen = vec![false; columns * rows];
     for point in points.iter().flatten() {

@@ -1,7 +1,7 @@
 //! Synthetic views of a board through lenses that are known.
 
 use super::*;
-use crate::math::dice::Dice;
+use crate::math::{dice::Dice, solve::least_squares};
 use glam::DQuat;
 
 const GRID: AprilGrid = AprilGrid { columns: 6, rows: 6, size_m: 0.088, spacing: 0.3 };
@@ -16,7 +16,7 @@ fn radial() -> Lens {
 }
 
 fn fisheye() -> Lens {
-    Lens { fx: 280.0, fy: 281.5, ..lens(Distortion::Equidistant([0.02, -0.012, 0.004, -0.001])) }
+    Lens { fx: 330.0, fy: 331.5, ..lens(Distortion::Equidistant([0.02, -0.012, 0.004, -0.001])) }
 }
 
 /// Views of the board from all sides, as far as it is within the picture; `tilt` at most so many degrees.
@@ -29,9 +29,11 @@ fn views(lens: &Lens, seed: u64, count: usize, tilt_deg: f64, noise_px: f64) -> 
         let facing = DQuat::from_rotation_x(std::f64::consts::PI);
         let axis = DVec3::new(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0), dice.between(-0.3, 0.3));
         let turn = DQuat::from_axis_angle(axis.normalize(), (dice.unit() * tilt_deg).to_radians());
-        let target = DVec2::new(dice.between(0.15, 0.85) * 640.0, dice.between(0.15, 0.85) * 480.0);
+        let target = DVec2::new(dice.between(0.05, 0.95) * 640.0, dice.between(0.05, 0.95) * 480.0);
         let place = lens.unproject(target).unwrap() * dice.between(0.55, 1.1);
-        let rotation = turn * facing;
+        // Whoever holds it turns it towards the camera; without tilt all boards are parallel.
+        let ahead = if tilt_deg > 0.0 { place.normalize() } else { DVec3::Z };
+        let rotation = DQuat::from_rotation_arc(DVec3::Z, ahead) * turn * facing;
         let pose = Pose::new(rotation, place - rotation * middle.extend(0.0));
         let corners = (0..36).flat_map(|id| GRID.corners(id).unwrap());
         let seen = corners.filter_map(|on_board| {
@@ -48,47 +50,54 @@ fn views(lens: &Lens, seed: u64, count: usize, tilt_deg: f64, noise_px: f64) -> 
     views
 }
 
-/// The largest difference of the two distortions along the radius to the picture's corner, pixels of the true lens.
-fn curve_error_px(found: &Lens, truth: &Lens) -> f64 {
-    let bent = |lens: &Lens, ray: DVec3| {
-        let pixel = lens.project(ray)?;
-        Some((pixel - DVec2::new(lens.cx, lens.cy)) / DVec2::new(lens.fx, lens.fy))
-    };
-    let mut worst = 0.0f64;
-    for j in 0..=12 {
-        for i in 0..=16 {
-            let Some(ray) = truth.unproject(DVec2::new(f64::from(i), f64::from(j)) * 40.0) else { continue };
-            let (a, b) = (bent(found, ray).unwrap(), bent(truth, ray).unwrap());
-            worst = worst.max(a.distance(b) * truth.fx);
+/// The largest distance over the picture between where the two lenses see a ray, apart from a turn of the camera, which the
+/// boards' places take up; a margin is left out.
+fn picture_error_px(found: &Lens, truth: &Lens, margin_px: f64) -> f64 {
+    const STEP: f64 = 1e-5;
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    for k in 0..17 * 13 {
+        let share = DVec2::new(f64::from(k % 17) / 16.0, f64::from(k / 17) / 12.0);
+        let pixel = DVec2::splat(margin_px) + share * (DVec2::new(640.0, 480.0) - 2.0 * margin_px);
+        let Some(ray) = truth.unproject(pixel) else { continue };
+        let seen = found.project(ray).unwrap();
+        let turned = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|axis| (found.project(ray + STEP * axis.cross(ray)).unwrap() - seen) / STEP);
+        for axis in 0..2 {
+            left.extend(turned.map(|t| t.to_array()[axis]));
+            right.push((pixel - seen).to_array()[axis]);
         }
     }
-    worst
+    let turn = least_squares(right.len(), 3, &left, &right).unwrap().solution;
+    let rows = left.chunks_exact(3).zip(&right);
+    let rest: Vec<f64> = rows.map(|(row, b)| b - (0..3).map(|k| row[k] * turn[k]).sum::<f64>()).collect();
+    rest.chunks_exact(2).map(|r| r[0].hypot(r[1])).fold(0.0, f64::max)
 }
 
 #[test]
 fn a_known_lens_is_found_again() {
-    for (name, truth, kind) in [
-        ("radial", radial(), DistortionKind::RadialTangential),
-        ("fisheye", fisheye(), DistortionKind::Equidistant),
-        ("pinhole", lens(Distortion::None), DistortionKind::RadialTangential),
+    for (name, truth, kind, count) in [
+        ("radial", radial(), DistortionKind::RadialTangential, 32),
+        ("fisheye", fisheye(), DistortionKind::Equidistant, 32),
+        ("pinhole", lens(Distortion::None), DistortionKind::RadialTangential, 32),
     ] {
-        let (mut worst_focal, mut worst_curve, mut squares) = (0.0f64, 0.0f64, 0.0);
-        let seeds = 12;
+        let (mut worst_focal, mut worst_px, mut corner_px, mut squares) = (0.0f64, 0.0f64, 0.0f64, 0.0);
+        let seeds = 8;
         for seed in 1..=seeds {
-            let found = calibrate(&views(&truth, seed, 20, 40.0, 0.1), SIZE, kind).unwrap();
+            let found = calibrate(&views(&truth, seed * 7919, count, 40.0, 0.1), SIZE, kind).unwrap();
             let focal = (found.lens.fx / truth.fx - 1.0).abs().max((found.lens.fy / truth.fy - 1.0).abs());
             worst_focal = worst_focal.max(focal);
-            worst_curve = worst_curve.max(curve_error_px(&found.lens, &truth));
+            worst_px = worst_px.max(picture_error_px(&found.lens, &truth, 24.0));
+            corner_px = corner_px.max(picture_error_px(&found.lens, &truth, 0.0));
             squares += ((found.lens.fx - truth.fx) / found.sigma_px[0]).powi(2) / seeds as f64;
             assert!((found.rms_px - 0.141).abs() < 0.01, "{name} {seed}: {}", found.rms_px);
             assert!(found.coverage > 0.8 && found.outliers == 0, "{name} {seed}: {found:?}");
         }
         println!(
-            "{name}: focal {:.3} %, curve {worst_curve:.3} px, errors/sigma {:.2}",
+            "{name}: focal {:.3} %, picture {worst_px:.3} px, to its corners {corner_px:.3} px, errors/sigma {:.2}",
             100.0 * worst_focal,
             squares.sqrt()
         );
-        assert!(worst_focal < 0.002 && worst_curve < 0.3, "{name}: {worst_focal} {worst_curve}");
+        assert!(worst_focal < 0.002 && worst_px < 0.3 && corner_px < 0.7, "{name}: {worst_focal} {worst_px}");
         // The stated deviations are those of the errors.
         assert!((0.5..1.8).contains(&squares.sqrt()), "{name}: {squares}");
     }
@@ -101,7 +110,7 @@ fn exact_views_give_the_lens_exactly() {
     {
         let found = calibrate(&views(&truth, 7, 8, 40.0, 0.0), SIZE, kind).unwrap();
         assert!((found.lens.fx - truth.fx).abs() < 1e-3, "{found:?}");
-        assert!(found.rms_px < 1e-4 && curve_error_px(&found.lens, &truth) < 1e-2, "{found:?}");
+        assert!(found.rms_px < 1e-4 && picture_error_px(&found.lens, &truth, 0.0) < 1e-2, "{found:?}");
     }
 }
 

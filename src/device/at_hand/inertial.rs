@@ -1,7 +1,7 @@
 //! Inertial sensors that can be known without opening them: headsets behind hidraw by their numbers and their report
 //! descriptor, standard sensors by the channels of their IIO device. A sensor on a serial port shows only the chip of its cable.
 
-use super::Machine;
+use super::PluggedMachine;
 use super::rights::{MissingRight, RightOf};
 use crate::imu::hid::{self, descriptor, source};
 
@@ -54,7 +54,7 @@ pub struct ListedSensor {
     pub missing: Option<MissingRight>,
 }
 
-impl Machine {
+impl PluggedMachine {
     /// All sensors that are known for what they are, the best first.
     pub fn sensors(&self) -> Vec<ListedSensor> {
         let mut sensors = self.headsets();

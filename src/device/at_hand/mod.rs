@@ -1,6 +1,6 @@
 //! What is plugged into the machine, told by the kernel's files: nothing is opened, so nothing is disturbed.
 //!
-//! [`Machine`] is a root folder and a judge of rights, so that tests bring a tree of their own.
+//! [`PluggedMachine`] is a root folder and a judge of rights, so that tests bring a tree of their own.
 
 pub mod inertial;
 pub mod rights;
@@ -18,18 +18,18 @@ const MOST_ENTRIES: usize = 256;
 
 /// Where the kernel's files are, and who may use them.
 #[derive(Clone, Debug)]
-pub struct Machine {
+pub struct PluggedMachine {
     root: PathBuf,
     may_use: fn(&Path) -> bool,
 }
 
-impl Default for Machine {
+impl Default for PluggedMachine {
     fn default() -> Self {
         Self::new("/", rights::may_read_and_write)
     }
 }
 
-impl Machine {
+impl PluggedMachine {
     /// A machine whose `/sys`, `/dev` and `/etc` are below `root`; `may_use` tells whether a path may be read and written.
     pub fn new(root: impl Into<PathBuf>, may_use: fn(&Path) -> bool) -> Self {
         Self { root: root.into(), may_use }

@@ -1,6 +1,6 @@
 //! Which right is missing for a device, and the command that mends it.
 
-use super::Machine;
+use super::PluggedMachine;
 use rustix::fs::{Access, access};
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ pub fn may_read_and_write(path: &Path) -> bool {
     access(path, Access::READ_OK | Access::WRITE_OK).is_ok()
 }
 
-impl Machine {
+impl PluggedMachine {
     /// What is missing to use a path; `None` where nothing is, or where there is no such path.
     pub fn missing(&self, path: impl AsRef<Path>, right: RightOf) -> Option<MissingRight> {
         let path = path.as_ref();

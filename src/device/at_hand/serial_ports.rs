@@ -1,6 +1,6 @@
 //! Serial ports: what stands behind each, as far as its cable or its driver tells, and which are modems.
 
-use super::Machine;
+use super::PluggedMachine;
 use super::rights::{MissingRight, RightOf};
 use serialport::{SerialPortInfo, SerialPortType};
 use std::path::Path;
@@ -47,7 +47,7 @@ pub fn of_the_system() -> Vec<SerialPortInfo> {
     })
 }
 
-impl Machine {
+impl PluggedMachine {
     /// What can be said of each port.
     pub fn ports(&self, ports: Vec<SerialPortInfo>) -> Vec<ListedPort> {
         let mut listed: Vec<ListedPort> = ports.into_iter().map(|port| self.port(port)).collect();

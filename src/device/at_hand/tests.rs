@@ -5,9 +5,9 @@ use super::rights::{RULES, RightOf};
 use super::*;
 use std::os::unix::fs::symlink;
 
-struct Tree(PathBuf);
+struct FolderTree(PathBuf);
 
-impl Tree {
+impl FolderTree {
     fn new(name: &str) -> Self {
         let root = std::env::temp_dir().join(format!("halflight-at-hand-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&root);
@@ -45,12 +45,12 @@ impl Tree {
         self.put(&format!("dev/{folder}"), "");
     }
 
-    fn machine(&self, may_use: fn(&Path) -> bool) -> Machine {
-        Machine::new(&self.0, may_use)
+    fn machine(&self, may_use: fn(&Path) -> bool) -> PluggedMachine {
+        PluggedMachine::new(&self.0, may_use)
     }
 }
 
-impl Drop for Tree {
+impl Drop for FolderTree {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.0);
     }
@@ -64,8 +64,8 @@ fn descriptor(id: u8, bytes: u8) -> Vec<u8> {
     ]
 }
 
-fn full_tree(name: &str) -> Tree {
-    let tree = Tree::new(name);
+fn full_tree(name: &str) -> FolderTree {
+    let tree = FolderTree::new(name);
     tree.hidraw("hidraw0", "0003:0000046D:0000C31C", "A Keyboard", &descriptor(1, 8));
     // Two interfaces of one headset: the second sends the samples.
     tree.hidraw("hidraw2", "0003:00002833:00000021", "Rift DK2", &descriptor(9, 4));
@@ -97,7 +97,7 @@ fn sensors_are_known_without_opening_them_and_the_best_comes_first() {
 
 #[test]
 fn two_devices_of_one_name_are_told_apart_by_their_nodes() {
-    let tree = Tree::new("twins");
+    let tree = FolderTree::new("twins");
     for folder in ["iio:device0", "iio:device1"] {
         tree.iio(folder, "lsm6", &["in_anglvel_x", "in_accel_x"]);
     }
@@ -110,7 +110,7 @@ fn a_missing_right_has_its_command() {
     let tree = full_tree("rights");
     tree.put("dev/video0", "");
     let nothing = tree.machine(|_| false);
-    let mend = |machine: &Machine, path: &str, right| machine.missing(path, right).unwrap().mend;
+    let mend = |machine: &PluggedMachine, path: &str, right| machine.missing(path, right).unwrap().mend;
     assert!(mend(&nothing, "/dev/video0", RightOf::Video).contains("usermod -aG video"));
     let sensors = nothing.sensors();
     let missing = sensors[0].missing.as_ref().unwrap();
@@ -129,7 +129,7 @@ fn a_missing_right_has_its_command() {
 
 #[test]
 fn damaged_trees_are_read_as_far_as_they_go() {
-    let tree = Tree::new("damaged");
+    let tree = FolderTree::new("damaged");
     for (node, ids) in [("hidraw0", "x"), ("hidraw1", "0003:FFFFFFFF:0021"), ("hidraw2", "0003:00002833")] {
         tree.hidraw(node, ids, "", &descriptor(11, 63));
     }
@@ -137,14 +137,14 @@ fn damaged_trees_are_read_as_far_as_they_go() {
     tree.put("sys/class/hidraw/hidraw4/device/uevent", [0xFF; 9000]);
     tree.put("sys/bus/iio/devices/iio:device0/name", "");
     assert!(tree.machine(|_| true).sensors().is_empty());
-    assert!(Machine::new("/no/such/place", |_| true).sensors().is_empty());
+    assert!(PluggedMachine::new("/no/such/place", |_| true).sensors().is_empty());
 }
 
 #[cfg(feature = "serial")]
 #[test]
 fn ports_say_who_they_are_and_which_are_modems() {
     use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
-    let tree = Tree::new("ports");
+    let tree = FolderTree::new("ports");
     let usb = |vid, pid, manufacturer: &str, product: &str| {
         SerialPortType::UsbPort(UsbPortInfo {
             vid,

@@ -4,7 +4,7 @@ use super::sensor_devices::{ListedSensors, default_camera};
 use super::video_devices::ListedCameras;
 use super::{CliError, GlobalOptions};
 use crate::daemon::engines::gpu;
-use crate::device::at_hand::Machine;
+use crate::device::at_hand::PluggedMachine;
 use crate::engine::{Engine, cpu::CpuEngine, gpu::Backend};
 
 /// The long form of the verb's help.
@@ -28,7 +28,7 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     for (name, backend) in [("gpu, vulkan", Backend::Vulkan), ("gpu, gl", Backend::Gl)] {
         engines.push((name, gpu(Some(backend)).map(|e| e.description()).map_err(|e| e.to_string())));
     }
-    let machine = Machine::default();
+    let machine = PluggedMachine::default();
     let cameras = ListedCameras::look(&machine);
     let sensors = ListedSensors::look(&machine);
     let settings = global.settings(None)?;

@@ -107,7 +107,11 @@ pub enum Verb {
 impl Verb {
     /// Whether a first signal ends its work as a limit would, so that what it has is closed and kept.
     pub fn closes_what_it_writes(&self) -> bool {
-        matches!(self, Self::Record(_) | Self::Synth(_))
+        match self {
+            Self::Record(_) | Self::Synth(_) => true,
+            Self::Calibrate(a) => a.measures_a_device(),
+            _ => false,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use super::video_devices::{CameraFacts, ListedCameras};
 use super::{CliError, GlobalOptions};
 use crate::assets::rig::{self, FactSource, RigFact};
 use crate::assets::{calibration, response};
-use crate::device::at_hand::{Machine, inertial::ListedSensor};
+use crate::device::at_hand::{PluggedMachine, inertial::ListedSensor};
 use std::path::{Path, PathBuf};
 
 /// The long form of the verb's help.
@@ -52,7 +52,7 @@ pub fn run(a: RigArguments, global: &GlobalOptions) -> Result<(), CliError> {
     if let Some(file) = &a.calibration {
         calibration::load(file)?;
     }
-    let machine = Machine::default();
+    let machine = PluggedMachine::default();
     let (camera, sensors) = (ListedCameras::look(&machine).best_facts(), ListedSensors::look(&machine));
     let mut facts = camera_facts(camera.as_ref(), &a)?;
     facts.extend(sensor_facts(sensors.best()));

@@ -5,7 +5,7 @@ use crate::config::Settings;
 #[cfg(feature = "serial")]
 use crate::device::at_hand::serial_ports::{self, ListedPort};
 use crate::device::at_hand::{
-    Machine,
+    PluggedMachine,
     inertial::{Gives, ListedSensor},
     rights::MissingRight,
 };
@@ -56,7 +56,7 @@ pub fn default_camera(settings: &Settings, cameras: &ListedCameras) -> DefaultDe
 
 impl ListedSensors {
     /// Looks at what is there, and opens nothing.
-    pub fn look(machine: &Machine) -> Self {
+    pub fn look(machine: &PluggedMachine) -> Self {
         Self {
             sensors: machine.sensors(),
             #[cfg(feature = "serial")]

@@ -2,7 +2,7 @@
 
 use super::sensor_devices::{missing_json, print_missing};
 use crate::device::at_hand::{
-    Machine,
+    PluggedMachine,
     rights::{MissingRight, RightOf},
 };
 use crate::device::v4l2::{
@@ -57,7 +57,7 @@ pub struct CameraFacts {
 
 impl ListedCameras {
     /// Looks at every video node.
-    pub fn look(machine: &Machine) -> Self {
+    pub fn look(machine: &PluggedMachine) -> Self {
         let found = find::nodes();
         let mut listed = Self::default();
         let refused = |path: &Path, why: String| RefusedNode {

@@ -36,6 +36,13 @@ macro_rules! key {
     };
 }
 
+/// A key that holds any text.
+macro_rules! text_key {
+    ($name:literal, $effect:literal, $field:ident) => {
+        key!($name, "", Range::Text, $effect, |s| word(&s.$field), |s, v| s.$field = text(v))
+    };
+}
+
 impl Key {
     /// Whether it takes effect on the next frame where it changes while the program runs. Devices, engine, tracking, the
     /// scene and the output are opened once, at the start.
@@ -46,7 +53,7 @@ impl Key {
 
 /// Every key, in the order of `config/default.toml`.
 pub const KEYS: &[Key] = &[
-    key!(
+    text_key!(
         "device.camera",
         "",
         Range::Text,
@@ -70,37 +77,25 @@ pub const KEYS: &[Key] = &[
         |s| Value::Integer(s.frames as i64),
         |s, v| s.frames = integer(v) as u64
     ),
-    key!(
+    text_key!(
         "device.imu",
-        "",
-        Range::Text,
         "Inertial sensor: empty = the camera's own where it has one, \"serial:/dev/ttyUSB0,protocol=rvc,baud=115200\", \"hid:2833:0021\", \"iio:name=gyro_3d\" (docs/imu.md).",
-        |s| word(&s.imu),
-        |s, v| s.imu = text(v)
+        imu
     ),
-    key!(
+    text_key!(
         "device.imu_file",
-        "",
-        Range::Text,
         "TOML file whose [imu] table describes the inertial sensor: protocol, axes, mounting (docs/imu.md); empty = nothing more is known.",
-        |s| word(&s.imu_file),
-        |s, v| s.imu_file = text(v)
+        imu_file
     ),
-    key!(
+    text_key!(
         "device.rig",
-        "",
-        Range::Text,
         "Rig file (TOML, config/rig-example.toml; `halflight rig` makes one): camera, its response and lens, inertial sensor, where the settings leave them open; empty = none.",
-        |s| word(&s.rig),
-        |s, v| s.rig = text(v)
+        rig
     ),
-    key!(
+    text_key!(
         "device.display",
-        "",
-        Range::Text,
         "Where pictures are shown: empty = nowhere, \"null:hz=60\" = a screen that nobody sees.",
-        |s| word(&s.display),
-        |s, v| s.display = text(v)
+        display
     ),
     key!(
         "device.see_through",
@@ -110,13 +105,10 @@ pub const KEYS: &[Key] = &[
         |s| Value::Boolean(s.is_see_through),
         |s, v| s.is_see_through = v.as_bool().unwrap_or(false)
     ),
-    key!(
+    text_key!(
         "device.link",
-        "",
-        Range::Text,
         "Where commands come from: empty = nowhere, \"stdio\" = lines on standard input, replies on standard output (try \"help\").",
-        |s| word(&s.link),
-        |s, v| s.link = text(v)
+        link
     ),
     key!(
         "camera.exposures_s",
@@ -150,21 +142,18 @@ pub const KEYS: &[Key] = &[
         |s| Value::Float(s.gain),
         |s, v| s.gain = number(v)
     ),
-    key!(
+    text_key!(
         "camera.response",
         "",
         Range::Text,
-        "How exposure becomes 8 bits: \"device\" = as the device states (a camera that states nothing finds it from its own exposures at the start), \"srgb\", or a JSON file written by `halflight hdr --save-response`.",
+        "How exposure becomes 8 bits: \"device\" = as the device states (a camera that states nothing finds it from its own exposures at the start), \"srgb\", or a JSON file written by `halflight calibrate response` or `halflight hdr --save-response`.",
         |s| word(&s.response),
         |s, v| s.response = text(v)
     ),
-    key!(
+    text_key!(
         "camera.calibration",
-        "",
-        Range::Text,
         "Lens of the camera: a calibration file (`halflight calibrate camera`; OpenCV or ROS YAML); a scene file's own wins; empty = what the camera states.",
-        |s| word(&s.calibration),
-        |s, v| s.calibration = text(v)
+        calibration
     ),
     key!(
         "engine.kind",
@@ -297,13 +286,10 @@ pub const KEYS: &[Key] = &[
         |s| Value::Boolean(s.ball_on_surface),
         |s, v| s.ball_on_surface = v.as_bool().unwrap_or(true)
     ),
-    key!(
+    text_key!(
         "scene.file",
-        "",
-        Range::Text,
         "Scene file with virtual objects and real surfaces; empty = only the surface z = 0 and no objects.",
-        |s| word(&s.scene_file),
-        |s, v| s.scene_file = text(v)
+        scene_file
     ),
     key!(
         "quality.preset",
@@ -313,13 +299,10 @@ pub const KEYS: &[Key] = &[
         |s| word(&s.preset),
         |s, v| s.preset = text(v)
     ),
-    key!(
+    text_key!(
         "quality.front",
-        "",
-        Range::Text,
         "The measured front: \"bundled\", or a file front.json that `halflight tradeoff` wrote, for example on the device itself.",
-        |s| word(&s.front),
-        |s, v| s.front = text(v)
+        front
     ),
     key!(
         "quality.budget_ms",
@@ -497,13 +480,10 @@ pub const KEYS: &[Key] = &[
         |s| Value::Boolean(s.hud),
         |s, v| s.hud = v.as_bool().unwrap_or(false)
     ),
-    key!(
+    text_key!(
         "output.pictures",
-        "",
-        Range::Text,
         "Folder that every shown picture is written to as PNG; empty = none.",
-        |s| word(&s.pictures_folder),
-        |s, v| s.pictures_folder = text(v)
+        pictures_folder
     ),
     key!(
         "cache.max_mib",

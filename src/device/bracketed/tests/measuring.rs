@@ -3,11 +3,11 @@
 use super::finding::response;
 use super::*;
 use crate::Signal;
-use crate::measured::{Waiting, latency_of, response_of};
+use crate::measured::{Patience, latency_of, response_of};
 
-fn waiting<T>(of: impl FnOnce(&Waiting<'_>) -> T) -> T {
+fn waiting<T>(of: impl FnOnce(&Patience<'_>) -> T) -> T {
     let (clock, stop) = (ManualClock::default(), Signal::default());
-    of(&Waiting { clock: &clock, stop: &stop })
+    of(&Patience { device: "slow", clock: &clock, stop: &stop })
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn the_delay_of_the_control_is_told() {
     assert!(error.contains("no delay to measure"), "{error}");
     let (clock, stop) = (ManualClock::default(), Signal::default());
     stop.raise();
-    let stopped = Waiting { clock: &clock, stop: &stop };
+    let stopped = Patience { device: "slow", clock: &clock, stop: &stop };
     let mut camera = camera(SlowCamera::new(1, false));
     assert_eq!(latency_of(&mut camera, &cycle(), 9, &stopped, || {}).unwrap(), None);
 }

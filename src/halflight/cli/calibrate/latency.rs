@@ -4,11 +4,11 @@ use super::interrupted;
 use crate::cli::progress::Bar;
 use crate::cli::record::{exposures_of, stop_of_signals};
 use crate::cli::{CliError, GlobalOptions, JSON_FORMAT};
-use crate::daemon::{exit, prepare::camera_options};
+use crate::daemon::prepare::camera_options;
 use crate::device::bracket::Report;
 use crate::device::bracketed::FoundResponse;
 use crate::device::clock::MonotonicClock;
-use crate::device::measured::{Waiting, latency_of};
+use crate::device::measured::{Patience, latency_of};
 use crate::device::open::open_with;
 use crate::model::path_text;
 use serde_json::json;
@@ -38,9 +38,8 @@ pub fn run(a: LatencyArguments, global: &GlobalOptions) -> Result<(), CliError> 
     settings.replan = false;
     let mut opened = open_with(&device, camera_options(&settings, &FoundResponse::default())?)?;
     let bar = Bar::of_count(Some(a.frames), "frames");
-    let waiting = Waiting { clock: &MonotonicClock::new(), stop: &stop };
-    let report = latency_of(opened.frames.as_mut(), &cycle, a.frames, &waiting, || bar.add_one())
-        .map_err(|e| CliError::on(&device, &e.action).with_status(exit::DEVICE))?
+    let patience = Patience { device: &device, clock: &MonotonicClock::new(), stop: &stop };
+    let report = latency_of(opened.frames.as_mut(), &cycle, a.frames, &patience, || bar.add_one())?
         .ok_or_else(interrupted)?;
     drop(bar);
     if global.json {

@@ -22,12 +22,19 @@ Examples:\n\n\
 pub struct CalibrateArguments {
     /// What is measured.
     #[command(subcommand)]
-    measured: Measured,
+    measured: CalibrationVerb,
+}
+
+impl CalibrateArguments {
+    /// Whether a device is measured, which a signal ends in its own way.
+    pub fn measures_a_device(&self) -> bool {
+        !matches!(self.measured, CalibrationVerb::Camera(_))
+    }
 }
 
 /// What is measured.
 #[derive(clap::Subcommand, Debug)]
-enum Measured {
+enum CalibrationVerb {
     /// The lens, from pictures of a board of AprilTags.
     Camera(camera::CameraArguments),
     /// What light the camera's 8-bit values mean.
@@ -39,9 +46,9 @@ enum Measured {
 /// Runs `halflight calibrate`.
 pub fn run(arguments: CalibrateArguments, global: &GlobalOptions) -> Result<(), CliError> {
     match arguments.measured {
-        Measured::Camera(a) => camera::run(a, global),
-        Measured::Response(a) => response::run(a, global),
-        Measured::Latency(a) => latency::run(a, global),
+        CalibrationVerb::Camera(a) => camera::run(a, global),
+        CalibrationVerb::Response(a) => response::run(a, global),
+        CalibrationVerb::Latency(a) => latency::run(a, global),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::cli::record::{exposures_of, stop_of_signals};
 use crate::cli::run_folder::{need_folder_of, refuse_existing};
 use crate::cli::{CliError, GlobalOptions, JSON_FORMAT};
 use crate::device::clock::MonotonicClock;
-use crate::device::measured::{MeasuredResponse, Waiting, response_of};
+use crate::device::measured::{MeasuredResponse, Patience, response_of};
 use crate::device::open::{CameraOptions, open_with};
 use crate::model::{path_text, response::Response};
 use serde_json::json;
@@ -38,10 +38,8 @@ pub fn run(a: ResponseArguments, global: &GlobalOptions) -> Result<(), CliError>
     refuse_existing(&a.out, a.force)?;
     let cycle = exposures_of(&a.exposures_s, global)?;
     let mut opened = open_with(&device, CameraOptions::default())?;
-    let waiting = Waiting { clock: &MonotonicClock::new(), stop: &stop };
-    let found = response_of(opened.frames.as_mut(), &cycle, &waiting)
-        .map_err(|e| CliError::on(&device, &e.action).with_status(crate::daemon::exit::DEVICE))?
-        .ok_or_else(interrupted)?;
+    let patience = Patience { device: &device, clock: &MonotonicClock::new(), stop: &stop };
+    let found = response_of(opened.frames.as_mut(), &cycle, &patience)?.ok_or_else(interrupted)?;
     drop(opened);
     write_file(&a.out, to_json(&found.response))?;
     if global.json {
