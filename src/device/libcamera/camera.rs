@@ -22,8 +22,8 @@ use std::time::Duration;
 const GUESSED_HALF_WIDTH: f64 = 30.0 / 180.0 * std::f64::consts::PI;
 /// Damaged frames in a row that mean that the camera has lost its state.
 const MOST_DAMAGED_IN_A_ROW: u64 = 30;
-/// A camera that is gone says nothing: after so long without a frame it is looked for.
-const LOOK_AFTER: Duration = Duration::from_millis(500);
+/// The longest wait at a time: the camera says only when it is asked that it is gone.
+const LONGEST_WAIT: Duration = Duration::from_millis(250);
 /// What requests ask for before anybody has said.
 const FIRST: Exposure = Exposure { time_s: 0.01, gain: 1.0 };
 
@@ -234,7 +234,7 @@ impl<D: RequestDevice> CaptureSource for RequestCamera<D> {
             }
             let now = self.clock.now();
             let left = Duration::from_nanos(deadline.0.saturating_sub(now.0).max(0) as u64);
-            match self.door.wait(left.min(LOOK_AFTER)) {
+            match self.door.wait(left.min(LONGEST_WAIT)) {
                 Ok(Ready::Filled) => {}
                 Ok(Ready::Nothing) if self.clock.now() < deadline => {}
                 Ok(Ready::Nothing) => return Err(DeviceError::again()),
@@ -295,13 +295,6 @@ impl<D: RequestDevice> ExposureControl for RequestCamera<D> {
 
     fn times_are_starts(&self) -> bool {
         true
-    }
-}
-
-impl<D: RequestDevice> Drop for RequestCamera<D> {
-    fn drop(&mut self) {
-        // Nothing can be done where the camera is gone.
-        let _ = self.door.stop();
     }
 }
 

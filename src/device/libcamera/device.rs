@@ -24,7 +24,7 @@ pub struct CompletedRequest {
     pub metadata: ExposureMetadata,
 }
 
-/// A camera that takes requests. A request is a buffer with what its frame shall be exposed with. No call waits, but for `wait`
+/// A camera that takes requests; dropping it stops it. A request is a buffer with what its frame shall be exposed with. No call waits, but for `wait`
 /// and for what starts and stops the camera.
 pub trait RequestDevice: Send {
     /// A buffer of the camera.
@@ -36,8 +36,6 @@ pub trait RequestDevice: Send {
     fn configure(&mut self, choice: &RoleChoice) -> io::Result<GrantedStream>;
     /// Makes as many requests as the stream has buffers, and starts. `controls` are those of the first frames.
     fn start(&mut self, layout: &PixelLayout, controls: &RequestControls) -> io::Result<Vec<Self::Memory>>;
-    /// Stops; requests come back no more.
-    fn stop(&mut self) -> io::Result<()>;
     /// Returns whether requests may ask for an exposure. Known once the camera has started.
     fn takes_exposures(&self) -> bool;
     /// Hands over a request.

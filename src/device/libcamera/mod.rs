@@ -48,6 +48,8 @@ impl LibcameraOptions {
 pub fn open(text: &str, clock: Arc<dyn Clock>) -> Result<RequestCamera<sys::LibrarySensor>, DeviceError> {
     let options = LibcameraOptions::parse(text)?;
     let name = format!("libcamera:{text}");
+    // It need not be started twice; why it cannot be, the list says.
+    let _started = sys::ManagerUse::begin();
     let sensors = list::sensors()?;
     let Some(found) = list::named(&sensors, &options.id) else {
         return Err(DeviceError::new(name, nothing_there(&sensors, &options.id), ErrorKind::Reopen));

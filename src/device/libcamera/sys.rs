@@ -32,13 +32,21 @@ use std::ffi::c_void;
 use std::io;
 use std::mem::transmute;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::PathBuf;
 use std::ptr::null_mut;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Buffers that a camera is asked for: three on their way, and one in hand.
 const BUFFERS: u32 = 4;
+/// More requests than any camera has buffers for: all of them fit into the queue.
+const MOST_REQUESTS: usize = 64;
+/// A camera is looked for after so long without a request that comes back.
+const LOOK_AFTER: Duration = Duration::from_millis(500);
+/// A camera whose node is gone is looked for so often, while the library may still be told.
+const LOOK_AGAIN_AFTER: Duration = Duration::from_millis(50);
+const MOST_LOOKS: u32 = 20;
 /// `DMA_BUF_IOCTL_SYNC`: says that the processor begins or ends to read.
 const DMA_BUF_SYNC: Opcode = opcode::write::<u64>(b'b', 0);
 const BEGIN_READING: u64 = 1;
@@ -59,10 +67,11 @@ static MANAGER: Mutex<SharedManager> =
     Mutex::new(SharedManager { manager: None, users: 0, has_failed: false });
 
 /// Keeps the manager alive; the last one ends it, under the lock, so that there are never two.
-struct ManagerUse;
+pub struct ManagerUse;
 
 impl ManagerUse {
-    fn begin() -> io::Result<Self> {
+    /// Starts the manager where none runs, which takes some 100 ms.
+    pub fn begin() -> io::Result<Self> {
         let mut shared = MANAGER.lock().unwrap_or_else(PoisonError::into_inner);
         if shared.has_failed {
             return Err(io::Error::other("libcamera could not be started"));
@@ -260,8 +269,12 @@ pub struct LibrarySensor {
     stream: Option<Stream>,
     config: Option<CameraConfiguration>,
     takes: TakenControls,
+    /// How long no request has come back.
+    silent: Duration,
+    /// The media controllers that the library had open when the camera was taken.
+    controllers: Vec<PathBuf>,
     active: Option<ActiveCamera<'static>>,
-    camera: Camera<'static>,
+    camera: Option<Camera<'static>>,
     manager: ManagerUse,
 }
 
@@ -281,10 +294,10 @@ impl LibrarySensor {
         let active = camera.acquire().map_err(of_library)?;
         // SAFETY: it holds the camera by itself, and must go before the manager, and does.
         let mut active = unsafe { transmute::<ActiveCamera<'_>, ActiveCamera<'static>>(active) };
-        let (sender, returned) = channel();
+        let (sender, returned) = sync_channel(MOST_REQUESTS);
         // Called in the library's thread. It lives as long as the receiver, which goes after `active`.
         active.on_request_completed(move |request| {
-            let _ = sender.send(request);
+            let _ = sender.try_send(request);
         });
         Ok(Self {
             id: id.to_owned(),
@@ -295,8 +308,10 @@ impl LibrarySensor {
             stream: None,
             config: None,
             takes: TakenControls::default(),
+            silent: Duration::ZERO,
+            controllers: open_controllers(),
             active: Some(active),
-            camera,
+            camera: Some(camera),
             manager,
         })
     }
@@ -305,8 +320,29 @@ impl LibrarySensor {
         self.active.as_mut().ok_or_else(|| io::Error::from_raw_os_error(ENODEV))
     }
 
+    /// Whether the library lists it: where a udevd runs, it does no more when the camera was pulled out.
     fn is_listed(&self) -> bool {
         self.manager.cameras(|list| all(list).any(|camera| camera.id() == self.id)).unwrap_or(false)
+    }
+
+    /// Whether the nodes of its controllers are there. One may be another camera's; to open this one again does no harm.
+    fn has_nodes(&self) -> bool {
+        self.controllers.iter().all(|node| node.exists())
+    }
+
+    /// Whether it may be stopped. libcamera 0.0.3 ends the whole process where a camera is stopped that is gone and that it still
+    /// lists: its requests cannot come back.
+    fn can_be_stopped(&self) -> bool {
+        let waits = || {
+            let _ = self.returned.recv_timeout(LOOK_AGAIN_AFTER);
+        };
+        for _ in 0..MOST_LOOKS {
+            if self.has_nodes() || !self.is_listed() {
+                return true;
+            }
+            waits();
+        }
+        false
     }
 }
 
@@ -314,12 +350,13 @@ impl RequestDevice for LibrarySensor {
     type Memory = PlaneMapping;
 
     fn offers(&self) -> io::Result<Vec<RoleOffer>> {
-        Ok(offers(&self.camera))
+        Ok(self.camera.as_ref().map(offers).unwrap_or_default())
     }
 
     fn configure(&mut self, choice: &RoleChoice) -> io::Result<GrantedStream> {
         let none = || io::Error::other("libcamera has no stream for it");
-        let mut config = self.camera.generate_configuration(&[stream_role(choice.role)]).ok_or_else(none)?;
+        let mut config =
+            self.active()?.generate_configuration(&[stream_role(choice.role)]).ok_or_else(none)?;
         let mut stream = config.get_mut(0).ok_or_else(none)?;
         let StreamFormat { fourcc, modifier } = choice.format;
         stream.set_pixel_format(pixel_format::PixelFormat::new(u32::from_le_bytes(fourcc), modifier));
@@ -334,7 +371,6 @@ impl RequestDevice for LibrarySensor {
         let format = StreamFormat { fourcc: named.fourcc().to_le_bytes(), modifier: named.modifier() };
         let stride = granted.get_stride();
         self.stream = granted.stream();
-        drop(granted);
         self.config = Some(config);
         Ok(GrantedStream { format, width: size.width, height: size.height, stride })
     }
@@ -360,10 +396,6 @@ impl RequestDevice for LibrarySensor {
         Ok(mappings)
     }
 
-    fn stop(&mut self) -> io::Result<()> {
-        self.active()?.stop().map_err(of_library)
-    }
-
     fn takes_exposures(&self) -> bool {
         self.takes.exposure
     }
@@ -379,6 +411,7 @@ impl RequestDevice for LibrarySensor {
 
     fn completed(&mut self) -> Option<CompletedRequest> {
         let request = self.arrived.take().or_else(|| self.returned.try_recv().ok())?;
+        self.silent = Duration::ZERO;
         let index = request.cookie() as usize;
         let mut completed = CompletedRequest { index, has_error: true, ..CompletedRequest::default() };
         let buffer: Option<&FrameBuffer> = self.stream.and_then(|stream| request.buffer(&stream));
@@ -408,9 +441,16 @@ impl RequestDevice for LibrarySensor {
             match self.returned.recv_timeout(longest) {
                 Ok(request) => self.arrived = Some(request),
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ready::Gone),
-                // Requests of a camera that was pulled out never come back, and nobody says so.
-                Err(RecvTimeoutError::Timeout) if !self.is_listed() => return Ok(Ready::Gone),
-                Err(RecvTimeoutError::Timeout) => return Ok(Ready::Nothing),
+                Err(RecvTimeoutError::Timeout) => {
+                    self.silent = self.silent.saturating_add(longest);
+                    if self.silent < LOOK_AFTER {
+                        return Ok(Ready::Nothing);
+                    }
+                    self.silent = Duration::ZERO;
+                    // Requests of a camera that was pulled out never come back, and nobody says so.
+                    let is_there = self.has_nodes() && self.is_listed();
+                    return Ok(if is_there { Ready::Nothing } else { Ready::Gone });
+                }
             }
         }
         Ok(Ready::Filled)
@@ -419,13 +459,31 @@ impl RequestDevice for LibrarySensor {
 
 impl Drop for LibrarySensor {
     fn drop(&mut self) {
+        let can_be_stopped = self.can_be_stopped();
         let Some(mut active) = self.active.take() else { return };
+        if !can_be_stopped {
+            tracing::warn!(
+                "libcamera does not see that {} was pulled out: no udevd runs; it stays open",
+                self.id
+            );
+            // All that belongs to it stays, and the manager with it.
+            self.requests.drain(..).for_each(std::mem::forget);
+            std::mem::forget((active, self.config.take(), self.camera.take(), ManagerUse::begin()));
+            return;
+        }
         let _ = active.stop();
         // All requests come back when it stops; they go before the camera is let go.
         while self.returned.try_recv().is_ok() {}
         self.arrived = None;
         self.requests.clear();
     }
+}
+
+/// Media controllers that this process has open.
+fn open_controllers() -> Vec<PathBuf> {
+    let open = std::fs::read_dir("/proc/self/fd").into_iter().flatten().flatten();
+    let nodes = open.filter_map(|fd| std::fs::read_link(fd.path()).ok());
+    nodes.filter(|node| node.to_string_lossy().starts_with("/dev/media") && node.exists()).collect()
 }
 
 /// Time since the machine was started, with that in which it slept.
