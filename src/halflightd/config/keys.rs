@@ -55,11 +55,8 @@ impl Key {
 pub const KEYS: &[Key] = &[
     text_key!(
         "device.camera",
-        "",
-        Range::Text,
         "Where frames come from: \"auto\" = the best camera there is, \"v4l2:/dev/video0,size=640x480,fps=30\", \"v4l2:card=TEXT\", \"libcamera:ID\" = a sensor behind libcamera, \"synthetic:frames=90,seed=1\" = a virtual room, \"replay:FILE.mcap\".",
-        |s| word(&s.camera),
-        |s, v| s.camera = text(v)
+        camera
     ),
     key!(
         "device.mode",
@@ -144,11 +141,8 @@ pub const KEYS: &[Key] = &[
     ),
     text_key!(
         "camera.response",
-        "",
-        Range::Text,
         "How exposure becomes 8 bits: \"device\" = as the device states (a camera that states nothing finds it from its own exposures at the start), \"srgb\", or a JSON file written by `halflight calibrate response` or `halflight hdr --save-response`.",
-        |s| word(&s.response),
-        |s, v| s.response = text(v)
+        response
     ),
     text_key!(
         "camera.calibration",
