@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub struct RigKey {
     /// Its table.
     pub section: &'static str,
-    /// Its name.
+    /// What stands before the equals sign in its table.
     pub name: &'static str,
     /// Unit, or empty.
     pub unit: &'static str,
@@ -112,7 +112,7 @@ pub fn to_toml(facts: &[RigFact]) -> String {
     text
 }
 
-/// The manual.
+/// Every key with its unit, range and default, as `config/rig-example.toml` has them.
 pub fn manual() -> String {
     let mut text = String::from(
         "# Every key of a rig file. Made from the table in src/assets/rig.rs; `halflight rig` makes a first one from the\n\

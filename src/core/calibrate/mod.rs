@@ -33,7 +33,7 @@ const CELLS: (usize, usize) = (8, 6);
 pub struct AprilGrid {
     /// Tags of a row.
     pub columns: u32,
-    /// Rows.
+    /// Tags of a column.
     pub rows: u32,
     /// Side of a tag's black square, metres.
     pub size_m: f64,
@@ -101,7 +101,7 @@ pub struct CalibratedView {
 /// A lens with how well it is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibratedLens {
-    /// The lens.
+    /// Intrinsics and distortion, pixels, of the size of the views.
     pub lens: Lens,
     /// Root of the mean squared distance over all points, pixels.
     pub rms_px: f64,

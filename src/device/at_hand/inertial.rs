@@ -17,7 +17,7 @@ pub enum Gives {
     Headset,
     /// An orientation that the sensor makes itself.
     Orientation,
-    /// Rates and forces.
+    /// Turning rates and forces, which are fused here.
     RatesAndForces,
     /// Too little by itself.
     Part,
@@ -35,7 +35,7 @@ impl Gives {
     }
 }
 
-/// A sensor.
+/// An inertial sensor that the kernel lists, whether or not it may be opened.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ListedSensor {
     /// What `device.imu` would say.

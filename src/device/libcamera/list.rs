@@ -8,7 +8,7 @@ use crate::{DeviceError, ErrorKind};
 
 /// A camera that libcamera lists.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ListedSensor {
+pub struct LibcameraSensor {
     /// libcamera's name: its place in the machine.
     pub id: String,
     /// What it is; the name where it does not say.
@@ -17,7 +17,7 @@ pub struct ListedSensor {
     pub offers: Vec<RoleOffer>,
 }
 
-impl ListedSensor {
+impl LibcameraSensor {
     /// The name that `device.camera` takes.
     pub fn name(&self) -> String {
         format!("libcamera:{}", self.id)
@@ -41,13 +41,13 @@ impl ListedSensor {
 }
 
 /// All cameras that libcamera lists. An error where the library cannot be started.
-pub fn sensors() -> Result<Vec<ListedSensor>, DeviceError> {
+pub fn sensors() -> Result<Vec<LibcameraSensor>, DeviceError> {
     sys::sensors()
         .map_err(|e| DeviceError::new("libcamera:", "ask for its cameras", ErrorKind::Reopen).because(e))
 }
 
 /// The camera that a text means: its name, else the first that has the text in its name or its model. The first of all for none.
-pub fn named<'a>(sensors: &'a [ListedSensor], text: &str) -> Option<&'a ListedSensor> {
+pub fn named<'a>(sensors: &'a [LibcameraSensor], text: &str) -> Option<&'a LibcameraSensor> {
     let exact = sensors.iter().find(|sensor| sensor.id == text);
     exact.or_else(|| sensors.iter().find(|sensor| sensor.id.contains(text) || sensor.model.contains(text)))
 }

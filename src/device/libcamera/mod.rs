@@ -16,7 +16,7 @@ use crate::parameters::Parameters;
 use crate::v4l2::{self, format::FormatWish, node::EBUSY};
 use crate::{Clock, DeviceError, ErrorKind};
 use camera::RequestCamera;
-use list::ListedSensor;
+use list::LibcameraSensor;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -73,7 +73,7 @@ pub fn open(text: &str, clock: Arc<dyn Clock>) -> Result<RequestCamera<sys::Libr
 
 /// Returns whether `auto` means a camera of libcamera: there is one that is not on USB, and V4L2 has none that is. The nodes that a
 /// media controller has in V4L2 give no pictures by themselves.
-pub fn is_best(video_nodes: &[v4l2::find::FoundNode], sensors: &[ListedSensor]) -> bool {
+pub fn is_best(video_nodes: &[v4l2::find::FoundNode], sensors: &[LibcameraSensor]) -> bool {
     let has_usb = video_nodes.iter().any(|node| node.facts.bus.starts_with("usb-"));
     !has_usb && sensors.iter().any(|sensor| !format::is_usb(&sensor.id))
 }
@@ -86,7 +86,7 @@ pub fn best() -> Option<String> {
     is_best.then_some(sensor.id)
 }
 
-fn nothing_there(sensors: &[ListedSensor], id: &str) -> String {
+fn nothing_there(sensors: &[LibcameraSensor], id: &str) -> String {
     let there: Vec<String> = sensors.iter().map(|s| format!("{} ({})", s.id, s.model)).collect();
     let there = match there.is_empty() {
         true => "libcamera lists none; it lists what a running udevd has seen and this user may open \

@@ -9,7 +9,7 @@ use super::exposure::{ExposureMetadata, RequestControls, age_ns};
 use super::format::{
     self, CameraRole, GrantedStream, PlanePlace, RoleChoice, RoleOffer, SteppedSizes, StreamFormat,
 };
-use super::list::ListedSensor;
+use super::list::LibcameraSensor;
 use crate::model::pixels::{PixelLayout, PixelMemory};
 use crate::v4l2::node::{ENODEV, Ready};
 use ::libcamera::{
@@ -119,11 +119,11 @@ fn all<'a>(list: &'a CameraList<'_>) -> impl Iterator<Item = Camera<'a>> {
 }
 
 /// All cameras that libcamera lists.
-pub fn sensors() -> io::Result<Vec<ListedSensor>> {
+pub fn sensors() -> io::Result<Vec<LibcameraSensor>> {
     let listed = |camera: Camera<'_>| {
         let id = camera.id().to_owned();
         let model = camera.properties().get::<properties::Model>().map_or_else(|_| id.clone(), |m| m.0);
-        ListedSensor { id, model, offers: offers(&camera) }
+        LibcameraSensor { id, model, offers: offers(&camera) }
     };
     ManagerUse::begin()?.cameras(|list| all(list).map(listed).collect())
 }

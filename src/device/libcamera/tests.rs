@@ -176,7 +176,7 @@ fn names_say_which_camera_and_which_pictures() {
 #[test]
 fn a_part_of_a_name_or_a_model_is_enough() {
     let sensor =
-        |id: &str, model: &str| ListedSensor { id: id.into(), model: model.into(), offers: Vec::new() };
+        |id: &str, model: &str| LibcameraSensor { id: id.into(), model: model.into(), offers: Vec::new() };
     let sensors = [sensor("/base/i2c@10/imx219@10", "imx219"), sensor("/base/i2c@1", "ov5647")];
     let of = |text: &str| list::named(&sensors, text).map(|s| s.model.as_str());
     assert_eq!([of(""), of("ov5647"), of("/base/i2c@1")], [Some("imx219"), Some("ov5647"), Some("ov5647")]);
@@ -191,7 +191,7 @@ fn auto_takes_a_sensor_only_where_no_camera_is_on_usb() {
         path: "/dev/video0".into(),
         facts: NodeFacts { bus: bus.into(), captures: true, ..NodeFacts::default() },
     };
-    let sensor = |id: &str| ListedSensor { id: id.into(), model: id.into(), offers: Vec::new() };
+    let sensor = |id: &str| LibcameraSensor { id: id.into(), model: id.into(), offers: Vec::new() };
     let (raw, usb) = (sensor("/base/i2c@1/imx219@10"), sensor(r"\_SB_.PCI0-1:1.0-1d6b:0102"));
     assert!(is_best(&[], std::slice::from_ref(&raw)));
     assert!(is_best(&[node("platform:3f801000.csi")], &[usb.clone(), raw.clone()]));

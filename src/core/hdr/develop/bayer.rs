@@ -21,7 +21,7 @@ pub(super) struct Sensor<'a> {
 
 /// What the pixels around one show of a channel.
 #[derive(Clone, Copy, Default)]
-struct Neighbours {
+struct BayerNeighbours {
     /// Sum of the values without black.
     sum: f32,
     /// Sum of the values as they are.
@@ -37,7 +37,7 @@ impl Sensor<'_> {
         let (width, height) = self.size;
         let own = self.order.channel(x, y);
         let here = self.value(x, y);
-        let mut around = [Neighbours::default(); 3];
+        let mut around = [BayerNeighbours::default(); 3];
         for v in y.saturating_sub(1)..(y + 2).min(height) {
             for u in x.saturating_sub(1)..(x + 2).min(width) {
                 let of = &mut around[self.order.channel(u, v)];

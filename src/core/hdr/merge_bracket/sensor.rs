@@ -82,7 +82,7 @@ pub fn merge_sensor(
             let blocks = radiance.chunks_mut(BLOCK).zip(flags.chunks_mut(BLOCK));
             for (block, (radiance, flags)) in blocks.enumerate() {
                 let start = task * TASK + block * BLOCK;
-                let mut sums = BlockSums::new();
+                let mut sums = SensorSums::new();
                 for (picture, terms) in pictures.iter().zip(&terms) {
                     sums.add(terms, &picture.values.pixels()[start..start + radiance.len()]);
                 }
@@ -99,7 +99,7 @@ pub fn check_sensor(pictures: &[&SensorImage], exposures: &[Exposure]) -> Result
 }
 
 /// Sums over the pictures, for up to [`BLOCK`] pixels.
-struct BlockSums {
+struct SensorSums {
     radiance: [[f32; 3]; BLOCK],
     weight: [[f32; 3]; BLOCK],
     /// The most that saturated values say.
@@ -108,7 +108,7 @@ struct BlockSums {
     least: [[f32; 3]; BLOCK],
 }
 
-impl BlockSums {
+impl SensorSums {
     fn new() -> Self {
         Self {
             radiance: [[0.0; 3]; BLOCK],

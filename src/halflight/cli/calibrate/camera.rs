@@ -38,7 +38,7 @@ pub struct CameraArguments {
     force: bool,
 }
 
-/// Runs it.
+/// Runs `halflight calibrate camera`.
 pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let board = board_of(&a.board)?;
     need_folder_of(&a.out)?;

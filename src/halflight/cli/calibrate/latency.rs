@@ -28,7 +28,7 @@ pub struct LatencyArguments {
     exposures_s: Vec<f64>,
 }
 
-/// Runs it.
+/// Runs `halflight calibrate latency`.
 pub fn run(a: LatencyArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let stop = stop_of_signals()?;
     let device = path_text::to_text(Path::new(&a.device));

@@ -30,7 +30,7 @@ pub struct ResponseArguments {
     force: bool,
 }
 
-/// Runs it.
+/// Runs `halflight calibrate response`.
 pub fn run(a: ResponseArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let stop = stop_of_signals()?;
     let device = path_text::to_text(Path::new(&a.device));
