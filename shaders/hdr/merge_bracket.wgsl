@@ -139,8 +139,8 @@ fn merge_values(place: u32, channels: vec4<u32>) -> Merged {
         let at = k * TERMS;
         let black = tables[at + 1u];
         let saturated = tables[at + 2u];
-        let of = vec4<u32>(at + 5u) + channels;
-        let factor = vec4<f32>(tables[of.x], tables[of.y], tables[of.z], tables[of.w]);
+        let places = vec4<u32>(at + 5u) + channels;
+        let factor = vec4<f32>(tables[places.x], tables[places.y], tables[places.z], tables[places.w]);
         let is_seen = values != vec4<u32>(UNSEEN);
         let below = clamp((saturated - z) * tables[at + 3u], vec4<f32>(0.0), vec4<f32>(1.0));
         let weight = select(vec4<f32>(0.0), tables[at] * below * below, is_seen);
