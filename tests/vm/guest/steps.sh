@@ -45,7 +45,7 @@ imu_lost_and_back() {
     drawn() { ls /tmp/kept/pictures | grep -c png || true; }
     more_than() { said running && [ "$(drawn)" -gt "$1" ]; }
     waits() {
-        left=1200
+        left=3000
         until "$@"; do
             left=$((left - 1))
             [ $left -gt 0 ] || { tail -n 20 /tmp/kept/daemon; echo "waited in vain for: $*"; exit 1; }

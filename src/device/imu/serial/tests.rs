@@ -209,6 +209,7 @@ fn a_sensor_by_itself_ends_after_its_seconds_or_when_it_is_gone() {
     let never = crate::clock::Signal::default();
     let seen = crate::imu::alone::run(&mut *imu, &*clock, &never, Some(1e-3)).unwrap();
     assert_eq!(seen.samples, 0);
+    drop(imu);
     let mut imu = open(&path, "rvc", &clock).unwrap();
     for k in 0..10 {
         master.write_all(&frame("rvc", k, 1)).unwrap();
