@@ -45,7 +45,7 @@ impl SensorTerms {
             let (black, saturated) = (scale.black, f32::from(scale.saturated));
             let bounded = |v: f64| v.max(*FACTORS.start()).min(*FACTORS.end()) as f32;
             *terms = Self {
-                weight: (counts(exposure) / most).max(LEAST_WEIGHT).min(1.0) as f32,
+                weight: (counts(exposure) / most).clamp(LEAST_WEIGHT, 1.0) as f32,
                 black,
                 saturated,
                 fall: 1.0 / ((1.0 - TRUSTED) * (saturated - black)).max(1.0),
