@@ -11,6 +11,7 @@ use crate::bracket::{
     Attribution, FrameSeen, Report, Scheduler, Thumbnail, ThumbnailReader,
     plan::{Limits, Mains, Planner},
     response::{ResponseSearch, SearchStep},
+    thumbnail::BLOCKS,
 };
 use crate::developed::{CaptureSource, DevelopedCamera};
 use crate::model::{
@@ -26,8 +27,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Frames in a row of unknown exposure after which brackets are given up: one exposure, which is always known, is worth more
 /// than none.
 const MOST_UNSURE: u32 = 90;
-/// Frames with one exposure before the response is looked for again, where nothing could be known; doubled each time.
-const SEARCH_AGAIN_AFTER: u32 = 300;
+/// Frames with one exposure before brackets are tried again (and the response is looked for, where it is not known); doubled
+/// each time that they do not settle.
+const TRY_AGAIN_AFTER: u32 = 300;
+/// Blocks of a picture that must be well exposed for that: in the dark there is nothing to try.
+const WORTH_TRYING: usize = 24;
 /// The longest exposure of a search, seconds: a longer one slows a camera of 30 frames a second down.
 const LONGEST_SEARCHED_S: f64 = 1.0 / 30.0;
 /// Room for frames that wait, with some to spare.
@@ -51,9 +55,12 @@ pub trait ExposureControl {
     fn times_are_starts(&self) -> bool;
 }
 
+/// A camera's identity and its response.
+type ResponseOf = (String, Arc<Response>);
+
 /// The response that was found last, and of which camera: it holds when that camera comes back.
 #[derive(Clone, Debug, Default)]
-pub struct FoundResponse(Arc<Mutex<Option<(String, Arc<Response>)>>>);
+pub struct FoundResponse(Arc<Mutex<Option<ResponseOf>>>);
 
 impl FoundResponse {
     fn of(&self, identity: &str) -> Option<Arc<Response>> {
@@ -70,7 +77,7 @@ impl FoundResponse {
 #[derive(Clone, Debug)]
 pub enum CameraResponse {
     /// Somebody has said it.
-    Stated(Response),
+    Stated(Box<Response>),
     /// It is to be found where exposures can be written; sRGB until then.
     ToFind(FoundResponse),
 }
@@ -85,7 +92,7 @@ impl CameraResponse {
     /// What is stated, else sRGB.
     pub fn at_first(&self) -> Response {
         match self {
-            Self::Stated(response) => response.clone(),
+            Self::Stated(response) => Response::clone(response),
             Self::ToFind(_) => Response::srgb(),
         }
     }
@@ -129,8 +136,8 @@ pub struct BracketedCamera<S> {
     cycle: Vec<Exposure>,
     replan: Option<Replan>,
     planner: Option<Planner>,
-    /// Frames until the response is looked for again, and how many it will be the next time.
-    search_again: Option<u32>,
+    /// Frames until brackets are tried again, and how many it will be the next time.
+    try_again: Option<u32>,
     next_pause: u32,
 }
 
@@ -158,8 +165,8 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             cycle: Vec::new(),
             replan: None,
             planner: None,
-            search_again: None,
-            next_pause: SEARCH_AGAIN_AFTER,
+            try_again: None,
+            next_pause: TRY_AGAIN_AFTER,
         }
     }
 
@@ -191,7 +198,7 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         self.attribute(frame)?;
         self.fit_exposures()?;
         self.give_up_where_nothing_is_known();
-        self.look_again_later()
+        self.try_again_later()
     }
 
     /// Lets the planner look at the frames that are known by now, and goes over to its plan.
@@ -259,6 +266,9 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
                     frame.response.clone_from(&self.found);
                     self.counts.known += 1;
                     self.unsure_in_a_row = 0;
+                    if scheduler.cycle().len() > 1 {
+                        self.next_pause = TRY_AGAIN_AFTER;
+                    }
                     self.ready.push_back(frame);
                 }
                 Attribution::Unsure(_) => {
@@ -295,8 +305,6 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
                         "{}: its response cannot be told from its pictures, sRGB is taken: {why}",
                         self.device
                     );
-                    self.search_again = Some(self.next_pause);
-                    self.next_pause = self.next_pause.saturating_mul(2);
                 }
             }
             self.begin_cycle()?;
@@ -336,19 +344,21 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         Ok(())
     }
 
-    /// Counts the frames with one exposure, and looks for the response again after some.
-    fn look_again_later(&mut self) -> Result<(), DeviceError> {
-        let has_one = self.scheduler.as_ref().is_some_and(|s| s.cycle().len() == 1);
-        match self.search_again.as_mut().filter(|_| has_one && self.cycle.len() > 1) {
-            Some(0) => {
-                self.search_again = None;
-                self.begin_search()
-            }
-            Some(left) => {
-                *left -= 1;
-                Ok(())
-            }
-            None => Ok(()),
+    /// Counts the frames with one exposure, and tries brackets again after some, where there is something to see.
+    fn try_again_later(&mut self) -> Result<(), DeviceError> {
+        let Some(left) = self.try_again.as_mut() else { return Ok(()) };
+        *left = left.saturating_sub(1);
+        let is_worth_it = || {
+            let blocks = (0..BLOCKS).filter(|block| self.thumbnail.well_exposed(*block).is_some());
+            blocks.count() >= WORTH_TRYING
+        };
+        if *left > 0 || !is_worth_it() {
+            return Ok(());
+        }
+        self.try_again = None;
+        match self.to_find.is_some() && self.found.is_none() {
+            true => self.begin_search(),
+            false => self.begin_cycle(),
         }
     }
 
@@ -370,6 +380,8 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             scheduler.restart();
             // The frames that wait come out as abandoned, in their order.
         }
+        self.try_again = Some(self.next_pause);
+        self.next_pause = self.next_pause.saturating_mul(2);
     }
 }
 
@@ -412,6 +424,10 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
             Some(scheduler) => {
                 scheduler.set_cycle(&taken).map_err(refused)?;
                 self.begin_planning();
+                // The camera was just told another exposure than the one that is held.
+                if self.search.is_some() {
+                    self.begin_search()?;
+                }
                 return Ok(taken);
             }
             none => *none = Some(Scheduler::new(&taken).map_err(refused)?),

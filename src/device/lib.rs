@@ -20,6 +20,7 @@
 use halflight_core::{hdr, model};
 use halflight_math as math;
 
+mod asked_source;
 pub mod at_hand;
 pub mod bracket;
 pub mod bracketed;
@@ -27,6 +28,8 @@ pub mod clock;
 pub mod developed;
 pub mod error;
 pub mod fake;
+#[cfg(feature = "v4l2")]
+mod frame_count;
 pub mod imu;
 #[cfg(feature = "libcamera")]
 pub mod libcamera;

@@ -1,14 +1,9 @@
 //! Makes a live device of one that delivers at once (a recording, a synthetic room): each item comes when its time has come.
 
+use crate::asked_source::ask_source;
 use crate::clock::Clock;
-use crate::model::{
-    frame::{Exposure, RawFrame},
-    imu::ImuSample,
-    response::Response,
-    rig::Rig,
-    time::Timestamp,
-};
-use crate::{DeviceError, FrameSource, ImuSource, ImuTruth, Truth};
+use crate::model::{frame::RawFrame, imu::ImuSample, time::Timestamp};
+use crate::{DeviceError, FrameSource, ImuSource, ImuTruth};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Where the time line of a recording lies on a clock: its first item comes at once. Clones share it, so that camera and
@@ -80,28 +75,11 @@ impl<S: FrameSource> FrameSource for PacedFrames<S> {
         )
     }
 
-    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
-        self.source.set_exposures(exposures)
-    }
-
-    fn rig(&self) -> Option<Rig> {
-        self.source.rig()
-    }
-
-    fn response(&self) -> Option<Response> {
-        self.source.response()
-    }
+    // It delivers at its pace, and one that is held is still to come.
+    ask_source!(set_exposures rig response truth scene bracket_report);
 
     fn frames_left(&self) -> Option<u64> {
         self.source.frames_left().map(|left| left + u64::from(self.held.is_some()))
-    }
-
-    fn truth(&mut self) -> Option<Truth> {
-        self.source.truth()
-    }
-
-    fn scene(&self) -> Option<String> {
-        self.source.scene()
     }
 }
 
@@ -136,6 +114,7 @@ mod tests {
     use crate::ErrorKind;
     use crate::clock::ManualClock;
     use crate::model::image::Rgb8Image;
+    use crate::model::{frame::Exposure, rig::Rig};
 
     /// Gives frames or samples of these times at once.
     struct ListedTimes(Vec<f64>);

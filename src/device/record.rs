@@ -1,12 +1,11 @@
 //! `record`: a tee on any door. What passes through is written; what cannot be written still passes.
 
 use super::recording::{RecordingWriter, Written};
-use super::{DeviceError, FrameSource, ImuSource, ImuTruth, Truth};
+use super::{DeviceError, FrameSource, ImuSource, ImuTruth};
+use crate::asked_source::ask_source;
 use crate::model::{
-    frame::{Exposure, RawFrame},
+    frame::RawFrame,
     imu::{ImuOrientation, ImuSample},
-    response::Response,
-    rig::Rig,
     time::Timestamp,
 };
 use std::fs::File;
@@ -80,33 +79,7 @@ impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
         Ok(frame)
     }
 
-    fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
-        self.source.set_exposures(exposures)
-    }
-
-    fn rig(&self) -> Option<Rig> {
-        self.source.rig()
-    }
-
-    fn response(&self) -> Option<Response> {
-        self.source.response()
-    }
-
-    fn frames_left(&self) -> Option<u64> {
-        self.source.frames_left()
-    }
-
-    fn truth(&mut self) -> Option<Truth> {
-        self.source.truth()
-    }
-
-    fn scene(&self) -> Option<String> {
-        self.source.scene()
-    }
-
-    fn delivers_at_once(&self) -> bool {
-        self.source.delivers_at_once()
-    }
+    ask_source!(set_exposures rig response frames_left truth scene delivers_at_once bracket_report);
 }
 
 /// An IMU whose samples are written as they pass.

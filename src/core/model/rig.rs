@@ -37,3 +37,16 @@ pub struct Rig {
     /// The ball, where there is one.
     pub ball: Option<MirrorBall>,
 }
+
+/// Half the width of a webcam's picture, radians, where nobody has measured the lens.
+const GUESSED_HALF_WIDTH: f64 = 30.0 / 180.0 * std::f64::consts::PI;
+
+impl Rig {
+    /// A guess for a camera that nobody has measured: 60 degrees wide, no distortion; tags and ball are not known.
+    pub fn guessed(width: u32, height: u32) -> Self {
+        let (w, h) = (f64::from(width), f64::from(height));
+        let focal = 0.5 * w / GUESSED_HALF_WIDTH.tan();
+        let lens = Lens::pinhole(width, height, focal, focal, 0.5 * w, 0.5 * h);
+        Self { lens, tags: Vec::new(), ball: None }
+    }
+}

@@ -10,7 +10,6 @@ use crate::hdr::{
     response::{LEAST_EXPOSURE_RATIO, ResponseOrigin, SolveOptions, solve},
 };
 use crate::model::{frame::Exposure, image::Rgb8Image, response::Response};
-use std::sync::Arc;
 
 /// Most exposures of a search.
 const MOST_HELD: usize = 9;
@@ -33,6 +32,8 @@ const MOST_SATURATED: f64 = 0.5;
 const MOST_DARK: f64 = 0.8;
 const SATURATED: usize = 250;
 const DARK: usize = 24;
+/// Pixels of a picture that is held, at most: nine whole pictures of high definition would be 56 MB.
+const MOST_PIXELS: usize = 640 * 480;
 /// Quantiles of a picture that stand for its pixels where those move.
 const RANKS: usize = 2048;
 /// rms of the fit, ln exposure, from which the scene moved or the control does something else.
@@ -57,7 +58,7 @@ enum LadderWay {
 
 struct HeldPicture {
     exposure: Exposure,
-    picture: Arc<Rgb8Image>,
+    picture: Rgb8Image,
 }
 
 /// A search that goes on with each frame.
@@ -95,7 +96,7 @@ impl ResponseSearch {
     }
 
     /// Takes a frame.
-    pub fn frame(&mut self, picture: &Arc<Rgb8Image>, thumbnail: &Thumbnail) -> SearchStep {
+    pub fn frame(&mut self, picture: &Rgb8Image, thumbnail: &Thumbnail) -> SearchStep {
         self.frames += 1;
         let seen = PictureSums::of(thumbnail);
         self.recent.rotate_left(1);
@@ -116,7 +117,7 @@ impl ResponseSearch {
             return self.turn_round(&seen, false);
         }
         self.before = Some(seen.mean);
-        self.held.push(HeldPicture { exposure: self.current, picture: Arc::clone(picture) });
+        self.held.push(HeldPicture { exposure: self.current, picture: every_few(picture) });
         self.turn_round(&seen, true)
     }
 
@@ -165,7 +166,7 @@ impl ResponseSearch {
         if self.has_dead_control {
             return Err("its exposure does nothing".to_owned());
         }
-        let pictures: Vec<&Rgb8Image> = self.held.iter().map(|held| held.picture.as_ref()).collect();
+        let pictures: Vec<&Rgb8Image> = self.held.iter().map(|held| &held.picture).collect();
         let exposures: Vec<Exposure> = self.held.iter().map(|held| held.exposure).collect();
         if pictures.len() < 2 {
             return Err(format!("its pictures differ at no two exposures {LEAST_EXPOSURE_RATIO} apart"));
@@ -195,6 +196,20 @@ fn solved(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<Response, S
     }
     let check = check_exposures(pictures, exposures, &found.response, Tolerance::KNOWN_RESPONSE);
     if check.sound() { Ok(found.response) } else { Err("its exposures are not what it says".to_owned()) }
+}
+
+/// Every second, third or so pixel of every such row.
+fn every_few(picture: &Rgb8Image) -> Rgb8Image {
+    let (width, height) = (picture.width(), picture.height());
+    let step = ((width * height) as f64 / MOST_PIXELS as f64).sqrt().ceil().max(1.0) as usize;
+    let mut small = Rgb8Image::default();
+    small.reshape(width / step, height / step, [0; 3]);
+    for y in 0..height / step {
+        for x in 0..width / step {
+            *small.at_mut(x, y) = *picture.at(x * step, y * step);
+        }
+    }
+    small
 }
 
 /// A row in which pixel k has the k-th of [`RANKS`] quantiles of each channel: a brighter exposure keeps the order of values, so
@@ -244,4 +259,20 @@ impl PictureSums {
 
 fn equal(a: f64, b: f64) -> bool {
     (a - b).abs() <= EQUAL_VALUES + EQUAL_SHARE * a.max(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_pictures_are_held_small() {
+        let pixels = (0..1920 * 1080).map(|i| [(i % 1920 / 8) as u8, (i / 1920 / 5) as u8, 7]);
+        let small = every_few(&Rgb8Image::from_pixels(1920, 1080, pixels.collect()).unwrap());
+        assert_eq!((small.width(), small.height()), (640, 360));
+        assert_eq!(*small.at(100, 50), [(300 / 8) as u8, (150 / 5) as u8, 7]);
+        let usual = Rgb8Image::filled(640, 480, [9; 3]);
+        assert_eq!(every_few(&usual), usual);
+        assert_eq!(every_few(&Rgb8Image::default()).pixels().len(), 0);
+    }
 }

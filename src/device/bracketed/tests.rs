@@ -141,7 +141,7 @@ fn camera_with<S: CaptureSource + ExposureControl>(slow: S, response: CameraResp
 }
 
 fn camera<S: CaptureSource + ExposureControl>(slow: S) -> BracketedCamera<S> {
-    camera_with(slow, CameraResponse::Stated(Response::srgb()))
+    camera_with(slow, CameraResponse::Stated(Box::new(Response::srgb())))
 }
 
 fn cycle() -> Vec<Exposure> {

@@ -3,7 +3,7 @@
 use super::device::{CompletedRequest, RequestDevice};
 use super::exposure::{ExposureCycle, RequestControls, taken};
 use super::format::{self, GrantedStream};
-use crate::math::lens::{Distortion, Lens};
+use crate::frame_count::FrameCount;
 use crate::model::{
     frame::{CapturedFrame, Exposure},
     pixels::{PixelLayout, PixelPool},
@@ -18,8 +18,6 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Half the width of the picture, radians, where nobody has measured the lens.
-const GUESSED_HALF_WIDTH: f64 = 30.0 / 180.0 * std::f64::consts::PI;
 /// Damaged frames in a row that mean that the camera has lost its state.
 const MOST_DAMAGED_IN_A_ROW: u64 = 30;
 /// The longest wait at a time: the camera says only when it is asked that it is gone.
@@ -53,7 +51,7 @@ pub struct RequestCamera<D: RequestDevice> {
     granted: GrantedStream,
     frames_per_s: f64,
     statement: Statement,
-    sequence: Option<u64>,
+    sequence: FrameCount,
     counts: StreamCounts,
     damaged_in_a_row: u64,
 }
@@ -109,7 +107,7 @@ impl<D: RequestDevice> RequestCamera<D> {
             granted,
             frames_per_s: wish.frames_per_s,
             statement: Statement::Unknown,
-            sequence: None,
+            sequence: FrameCount::default(),
             counts: StreamCounts::default(),
             damaged_in_a_row: 0,
         };
@@ -139,7 +137,7 @@ impl<D: RequestDevice> RequestCamera<D> {
 
     /// What was lost so far.
     pub fn counts(&self) -> StreamCounts {
-        self.counts
+        StreamCounts { gaps: self.sequence.gaps, ..self.counts }
     }
 
     /// Hands a request over with the exposure whose turn it is.
@@ -156,7 +154,7 @@ impl<D: RequestDevice> RequestCamera<D> {
     fn newest(&mut self) -> Result<Option<CapturedFrame>, DeviceError> {
         let mut newest: Option<(u64, CompletedRequest)> = None;
         while let Some(completed) = self.door.completed() {
-            let sequence = self.count(completed.sequence);
+            let sequence = self.sequence.next(completed.sequence);
             if completed.has_error || completed.used < self.layout.least_bytes() {
                 self.count_damaged(completed.index)?;
                 continue;
@@ -205,21 +203,6 @@ impl<D: RequestDevice> RequestCamera<D> {
         }
         stated.unwrap_or(asked)
     }
-
-    /// The number of a frame in 64 bits; counts those that are missing before it. A count that goes back begins anew.
-    fn count(&mut self, sequence: u32) -> u64 {
-        let next = match self.sequence {
-            None => u64::from(sequence),
-            Some(last) => {
-                let step = sequence.wrapping_sub(last as u32);
-                let is_forward = step != 0 && step < u32::MAX / 2;
-                self.counts.gaps += if is_forward { u64::from(step) - 1 } else { 0 };
-                last + if is_forward { u64::from(step) } else { 1 }
-            }
-        };
-        self.sequence = Some(next);
-        next
-    }
 }
 
 impl<D: RequestDevice> CaptureSource for RequestCamera<D> {
@@ -263,17 +246,7 @@ impl<D: RequestDevice> CaptureSource for RequestCamera<D> {
     /// A guess of the lens: 60 degrees wide, no distortion. Tags and ball are not known.
     fn rig(&self) -> Option<Rig> {
         let (width, height) = (self.layout.width, self.layout.height);
-        let focal = 0.5 * width as f64 / GUESSED_HALF_WIDTH.tan();
-        let lens = Lens {
-            width: width as u32,
-            height: height as u32,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * width as f64,
-            cy: 0.5 * height as f64,
-            distortion: Distortion::None,
-        };
-        Some(Rig { lens, tags: Vec::new(), ball: None })
+        Some(Rig::guessed(width as u32, height as u32))
     }
 
     fn identity(&self) -> String {

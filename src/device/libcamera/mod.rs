@@ -72,16 +72,22 @@ pub fn open(text: &str, clock: Arc<dyn Clock>) -> Result<RequestCamera<sys::Libr
 }
 
 /// Returns whether `auto` means a camera of libcamera: there is one that is not on USB, and V4L2 has none that is. The nodes that a
-/// media controller has in V4L2 give no pictures by themselves.
-pub fn is_best(video_nodes: &[v4l2::find::FoundNode], sensors: &[LibcameraSensor]) -> bool {
+/// media controller has in V4L2 give no pictures by themselves. `None`: libcamera has not been asked, and may have one.
+pub fn is_best(video_nodes: &[v4l2::find::FoundNode], sensors: Option<&[LibcameraSensor]>) -> bool {
     let has_usb = video_nodes.iter().any(|node| node.facts.bus.starts_with("usb-"));
-    !has_usb && sensors.iter().any(|sensor| !format::is_usb(&sensor.id))
+    let is_there = |sensors: &[LibcameraSensor]| sensors.iter().any(|sensor| !format::is_usb(&sensor.id));
+    !has_usb && sensors.is_none_or(is_there)
 }
 
 /// The name behind `libcamera:` of what `auto` takes; `None` where V4L2 has the better camera, or the library cannot be asked.
 pub fn best() -> Option<String> {
+    let nodes = v4l2::find::nodes().cameras;
+    // To start the library takes a tenth of a second, and is for nothing where V4L2 has the camera.
+    if !is_best(&nodes, None) {
+        return None;
+    }
     let sensors = list::sensors().ok()?;
-    let is_best = is_best(&v4l2::find::nodes().cameras, &sensors);
+    let is_best = is_best(&nodes, Some(&sensors));
     let sensor = sensors.into_iter().find(|sensor| !format::is_usb(&sensor.id))?;
     is_best.then_some(sensor.id)
 }

@@ -193,11 +193,13 @@ fn auto_takes_a_sensor_only_where_no_camera_is_on_usb() {
     };
     let sensor = |id: &str| LibcameraSensor { id: id.into(), model: id.into(), offers: Vec::new() };
     let (raw, usb) = (sensor("/base/i2c@1/imx219@10"), sensor(r"\_SB_.PCI0-1:1.0-1d6b:0102"));
-    assert!(is_best(&[], std::slice::from_ref(&raw)));
-    assert!(is_best(&[node("platform:3f801000.csi")], &[usb.clone(), raw.clone()]));
-    assert!(!is_best(&[node("usb-0000:00:14.0-1")], &[raw]));
-    assert!(!is_best(&[], &[usb]));
-    assert!(!is_best(&[], &[]));
+    assert!(is_best(&[], Some(std::slice::from_ref(&raw))));
+    assert!(is_best(&[node("platform:3f801000.csi")], Some(&[usb.clone(), raw.clone()])));
+    assert!(!is_best(&[node("usb-0000:00:14.0-1")], Some(&[raw])));
+    // It need not even be asked then.
+    assert!(!is_best(&[node("usb-0000:00:14.0-1")], None) && is_best(&[], None));
+    assert!(!is_best(&[], Some(&[usb])));
+    assert!(!is_best(&[], Some(&[])));
 }
 
 #[test]

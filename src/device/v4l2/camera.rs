@@ -5,7 +5,6 @@ use super::format::{self, FormatWish};
 use super::node::{Filled, Granted, VideoNode};
 use super::stream::{Stream, StreamCounts, StreamError, StreamedPicture};
 use crate::bracket::plan::Limits;
-use crate::math::lens::{Distortion, Lens};
 use crate::model::{
     frame::{CapturedFrame, Exposure},
     pixels::PixelLayout,
@@ -17,8 +16,6 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Half the width of a webcam's picture, radians, where nobody has measured the lens.
-const GUESSED_HALF_WIDTH: f64 = 30.0 / 180.0 * std::f64::consts::PI;
 /// Frames in a row that the driver calls damaged mean that the camera has lost its state.
 const MOST_DAMAGED_IN_A_ROW: u64 = 30;
 
@@ -173,17 +170,7 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
     /// A guess of the lens: 60 degrees wide, no distortion. Tags and ball are not known.
     fn rig(&self) -> Option<Rig> {
         let (width, height) = self.size();
-        let focal = 0.5 * width as f64 / GUESSED_HALF_WIDTH.tan();
-        let lens = Lens {
-            width: width as u32,
-            height: height as u32,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * width as f64,
-            cy: 0.5 * height as f64,
-            distortion: Distortion::None,
-        };
-        Some(Rig { lens, tags: Vec::new(), ball: None })
+        Some(Rig::guessed(width as u32, height as u32))
     }
 
     fn identity(&self) -> String {

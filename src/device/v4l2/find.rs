@@ -154,13 +154,16 @@ fn why(error: &io::Error) -> String {
 /// An error of opening. A camera that is not there, or in somebody's hands, may come: `Reopen`.
 pub fn refusal(device: &str, path: &Path, error: io::Error) -> DeviceError {
     let busy = error.raw_os_error() == Some(EBUSY);
-    let action = match holder(path).filter(|_| busy) {
-        Some(holder) => format!("open {}: {holder} has it", path.display()),
-        None => format!("open {}: {}", path.display(), why(&error)),
-    };
     let is_for_good = matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::InvalidInput);
     let kind = if is_for_good { ErrorKind::Refused } else { ErrorKind::Reopen };
-    DeviceError::new(device, action, kind).because(error)
+    match holder(path).filter(|_| busy) {
+        Some(holder) => {
+            let action = format!("open {}: {holder} has it", path.display());
+            DeviceError::new(device, action, kind).because(error)
+        }
+        // The reason stands in the action, where `halflight devices` shows it alone.
+        None => DeviceError::new(device, format!("open {}: {}", path.display(), why(&error)), kind),
+    }
 }
 
 /// Who holds a node open, where /proc tells: its name and process number.

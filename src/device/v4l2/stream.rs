@@ -2,6 +2,7 @@
 //! was lost counted.
 
 use super::node::{ENODEV, Filled, Ready, VideoNode};
+use crate::frame_count::FrameCount;
 use crate::model::pixels::{FramePixels, PixelLayout, PixelPool};
 use std::io;
 use std::time::Duration;
@@ -46,7 +47,7 @@ pub struct Stream<N: VideoNode> {
     node: N,
     layout: PixelLayout,
     pool: PixelPool<N::Memory>,
-    sequence: Option<u64>,
+    sequence: FrameCount,
     counts: StreamCounts,
 }
 
@@ -63,7 +64,7 @@ impl<N: VideoNode> Stream<N> {
         }
         node.start().map_err(|e| StreamError::Driver("start the stream", e))?;
         let pool = PixelPool::new(buffers);
-        Ok(Self { node, layout, pool, sequence: None, counts: StreamCounts::default() })
+        Ok(Self { node, layout, pool, sequence: FrameCount::default(), counts: StreamCounts::default() })
     }
 
     /// The node, for its controls.
@@ -73,7 +74,7 @@ impl<N: VideoNode> Stream<N> {
 
     /// What was lost so far.
     pub fn counts(&self) -> StreamCounts {
-        self.counts
+        StreamCounts { gaps: self.sequence.gaps, ..self.counts }
     }
 
     /// The newest picture; waits for one so long at most. Older ones that wait go back to the driver.
@@ -94,7 +95,7 @@ impl<N: VideoNode> Stream<N> {
     fn newest(&mut self) -> Result<Option<StreamedPicture>, StreamError> {
         let mut newest: Option<(u64, Filled)> = None;
         while let Some(filled) = self.node.dequeue().map_err(|e| failed("take a frame", e))? {
-            let sequence = self.count(filled.sequence);
+            let sequence = self.sequence.next(filled.sequence);
             if filled.has_error || filled.used < self.layout.least_bytes() {
                 self.counts.damaged += 1;
                 self.queue(filled.index)?;
@@ -123,21 +124,6 @@ impl<N: VideoNode> Stream<N> {
 
     fn queue(&mut self, index: usize) -> Result<(), StreamError> {
         self.node.queue(index).map_err(|e| failed("hand back a buffer", e))
-    }
-
-    /// The number of a frame in 64 bits; counts those that are missing before it. A count that goes back begins anew.
-    fn count(&mut self, sequence: u32) -> u64 {
-        let next = match self.sequence {
-            None => u64::from(sequence),
-            Some(last) => {
-                let step = sequence.wrapping_sub(last as u32);
-                let is_forward = step != 0 && step < u32::MAX / 2;
-                self.counts.gaps += if is_forward { u64::from(step) - 1 } else { 0 };
-                last + if is_forward { u64::from(step) } else { 1 }
-            }
-        };
-        self.sequence = Some(next);
-        next
     }
 }
 

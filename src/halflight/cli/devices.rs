@@ -1,5 +1,7 @@
 //! `halflight devices`: what is at hand?
 
+#[cfg(feature = "libcamera")]
+use super::library_cameras::LibraryCameras;
 use super::sensor_devices::{ListedSensors, default_camera};
 use super::video_devices::ListedCameras;
 use super::{CliError, GlobalOptions};
@@ -30,6 +32,8 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     }
     let machine = PluggedMachine::default();
     let cameras = ListedCameras::look(&machine);
+    #[cfg(feature = "libcamera")]
+    let library = LibraryCameras::look();
     let sensors = ListedSensors::look(&machine);
     let settings = global.settings(None)?;
     let (camera, imu) = (default_camera(&settings, &cameras), sensors.default_imu(&settings));
@@ -43,10 +47,14 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
                 Err(why) => serde_json::json!({ "engine": name, "usable": false, "why": why }),
             })
             .collect();
+        #[cfg(feature = "libcamera")]
+        let library = library.json();
+        #[cfg(not(feature = "libcamera"))]
+        let library: [serde_json::Value; 0] = [];
         println!(
             "{}",
             serde_json::json!({
-                "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "video": cameras.json(),
+                "format": super::JSON_FORMAT, "cameras": CAMERAS.map(|c| c.0), "video": cameras.json(), "libcamera": library,
                 "inertial": sensors.json(), "serial_ports": sensors.ports_json(),
                 "defaults": { "camera": camera.json(), "imu": imu.json() }, "engines": engines,
             })
@@ -59,6 +67,11 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
     }
     println!("cameras of the kernel (V4L2)");
     cameras.print();
+    println!("cameras behind libcamera");
+    #[cfg(feature = "libcamera")]
+    library.print();
+    #[cfg(not(feature = "libcamera"))]
+    println!("  this program was built without it (feature libcamera)");
     println!("inertial sensors");
     sensors.print();
     println!("serial ports");
@@ -77,9 +90,13 @@ pub fn run(_arguments: DevicesArguments, global: &GlobalOptions) -> Result<(), C
 }
 
 /// What `device.camera` may name.
-const CAMERAS: [(&str, &str); 4] = [
+const CAMERAS: [(&str, &str); 5] = [
     ("auto", "the best camera of those below: the default"),
     ("v4l2:/dev/video0", "a camera of the kernel; also v4l2:card=TEXT; with size=640x480,fps=30,format=YUYV"),
+    (
+        "libcamera:ID",
+        "a sensor behind libcamera, by its name or a part of it; needs a build with the feature libcamera",
+    ),
     ("synthetic:OPTIONS", "a virtual room with known truth, e.g. synthetic:frames=90,seed=1,size=640x480"),
     ("replay:FILE.mcap", "a recording made by `halflight record` or `halflight synth`"),
 ];

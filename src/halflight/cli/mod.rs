@@ -12,6 +12,8 @@ pub mod figures;
 pub mod global_options;
 pub mod hdr;
 pub mod help;
+#[cfg(feature = "libcamera")]
+mod library_cameras;
 pub mod light;
 mod output;
 mod progress;

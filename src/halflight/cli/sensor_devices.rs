@@ -42,6 +42,10 @@ pub fn default_camera(settings: &Settings, cameras: &ListedCameras) -> DefaultDe
         let why = "device.camera names it".to_owned();
         return DefaultDevice { name: Some(settings.camera.clone()), why };
     }
+    #[cfg(feature = "libcamera")]
+    if let Some((name, why)) = super::library_cameras::LibraryCameras::best() {
+        return DefaultDevice { name: Some(name), why };
+    }
     match cameras.best() {
         Some((name, offer, points)) => {
             let why = format!("device.camera = auto takes the best offer: {offer}, score {points:.1}");

@@ -96,7 +96,10 @@ pub fn camera_options(settings: &Settings, found: &FoundResponse) -> Result<Came
     let refused = |why: String| DeviceError::new(&settings.camera, why, ErrorKind::Refused);
     let stated = stated_response(settings).map_err(|e| refused(e.to_string()))?;
     Ok(CameraOptions {
-        response: stated.map_or_else(|| CameraResponse::ToFind(found.clone()), CameraResponse::Stated),
+        response: stated.map_or_else(
+            || CameraResponse::ToFind(found.clone()),
+            |response| CameraResponse::Stated(Box::new(response)),
+        ),
         replan: settings.replan.then_some(Replan { mains: settings.mains }),
     })
 }

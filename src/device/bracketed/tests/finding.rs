@@ -61,8 +61,10 @@ fn run(mut camera: BracketedCamera<SlowCamera>, frames: u64) -> (u64, u64, u64, 
 
 #[test]
 fn brackets_settle_whatever_the_response() {
-    let (mut worst_rms, mut not_srgb) = (0.0f64, 0);
-    for seed in 0..12 {
+    let (mut worst_rms, mut not_srgb) = (0.0f64, 0u64);
+    let soak = std::env::var_os("HALFLIGHT_SOAK").is_some_and(|value| value == "1");
+    let seeds = if soak { 100 } else { 12 };
+    for seed in 0..seeds {
         let slow =
             || SlowCamera { response: response(seed), ..SlowCamera::new((seed % 6) as usize, seed % 3 == 0) };
         let (seen, wrong, made, found) = run(camera_with(slow(), CameraResponse::default()), 300);
@@ -78,11 +80,14 @@ fn brackets_settle_whatever_the_response() {
         while blind.camera.source_mut().made < 200 {
             blind.next(Timestamp::NEVER).unwrap();
         }
-        not_srgb += u32::from(blind.scheduler.as_ref().unwrap().cycle().len() == 1);
+        not_srgb += u64::from(blind.scheduler.as_ref().unwrap().cycle().len() == 1);
     }
-    // The ends of strongly bent curves are what smoothness makes of them; the middle is right.
-    assert!(worst_rms < 0.06, "{worst_rms}");
-    assert!(not_srgb >= 4, "the cameras are too much like sRGB to tell: {not_srgb}");
+    println!(
+        "{seeds} curves: rms at most {worst_rms:.4}; {not_srgb} end with one exposure where they are taken for sRGB"
+    );
+    // The ends of strongly bent curves are what smoothness makes of them; the middle is right. Reached: 0.022 on these twelve.
+    assert!(worst_rms < if soak { 0.06 } else { 0.025 }, "{worst_rms}");
+    assert!(3 * not_srgb >= seeds, "the cameras are too much like sRGB to tell: {not_srgb}");
 }
 
 #[test]
@@ -114,7 +119,8 @@ fn a_camera_that_moves_finds_it_from_what_there_is_to_see() {
         let (seen, wrong, made, found) = run(camera_with(slow, CameraResponse::default()), 300);
         let (rms, worst) = distance(&found.expect("a response was found"), &response(seed));
         println!("seed {seed}: {seen} of {made} frames, response within {rms:.3} rms, {worst:.3} at worst");
-        assert!(rms < 0.06 && wrong == 0, "seed {seed}: {rms}, {wrong} wrong");
+        // Reached: 0.002.
+        assert!(rms < 0.004 && wrong == 0, "seed {seed}: {rms}, {wrong} wrong");
     }
 }
 
@@ -144,4 +150,29 @@ fn a_control_that_does_nothing_is_told() {
     let frame = camera.next(Timestamp::NEVER).unwrap();
     assert!(frame.response.is_none());
     assert_eq!(camera.scheduler.as_ref().unwrap().cycle().len(), 1);
+}
+
+#[test]
+fn brackets_come_back_when_the_light_does() {
+    let slow = SlowCamera { response: response(1), ..SlowCamera::new(2, false) };
+    let mut camera = camera_with(slow, CameraResponse::default());
+    camera.set_exposures(&cycle()).unwrap();
+    let mut in_force = |light: f64, frames: u64| {
+        camera.camera.source_mut().light = light;
+        let until = camera.camera.source_mut().made + frames;
+        let mut shown = 0;
+        while camera.camera.source_mut().made < until {
+            let frame = camera.next(Timestamp::NEVER).unwrap();
+            let truth = camera.camera.source_mut().truth[frame.sequence as usize];
+            assert!((frame.exposure.effective_s() / truth.effective_s()).ln().abs() < 1e-3);
+            shown += 1;
+        }
+        (camera.scheduler.as_ref().unwrap().cycle().len(), shown)
+    };
+    assert_eq!(in_force(1.0, 200).0, 3);
+    // In the dark there is one exposure, and its frames are shown; nothing is tried there.
+    let (exposures, shown) = in_force(1e-6, 1500);
+    assert!(exposures == 1 && shown > 1350, "{exposures} exposures, {shown} of 1500");
+    let (exposures, shown) = in_force(1.0, 150);
+    assert!(exposures == 3 && shown > 90, "{exposures} exposures, {shown} of 150");
 }
