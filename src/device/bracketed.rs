@@ -10,7 +10,7 @@
 use crate::bracket::{
     Attribution, FrameSeen, Report, Scheduler, Thumbnail, ThumbnailReader,
     plan::{Limits, Mains, Planner},
-    response::{ResponseSearch, SearchStep},
+    response::ResponseSearch,
     thumbnail::BLOCKS,
 };
 use crate::developed::{CaptureSource, DevelopedCamera};
@@ -32,8 +32,6 @@ const MOST_UNSURE: u32 = 90;
 const TRY_AGAIN_AFTER: u32 = 300;
 /// Blocks of a picture that must be well exposed for that: in the dark there is nothing to try.
 const WORTH_TRYING: usize = 24;
-/// The longest exposure of a search, seconds: a longer one slows a camera of 30 frames a second down.
-const LONGEST_SEARCHED_S: f64 = 1.0 / 30.0;
 /// Room for frames that wait, with some to spare.
 const ROOM: usize = 32;
 
@@ -45,6 +43,12 @@ pub trait ExposureControl {
 
     /// Returns whether exposures can be written at all.
     fn can_be_written(&self) -> bool;
+
+    /// Returns whether each frame states its own exposure, and `set_exposures` says which ones come in turn: nothing is to be told
+    /// from pictures.
+    fn states_exposures(&self) -> bool {
+        false
+    }
 
     /// What can be asked of its exposure, at gain 1; `None` where that is not known. `gain` and `mains` are filled in by who plans.
     fn exposure_limits(&self) -> Option<Limits> {
@@ -186,8 +190,9 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         self.scheduler.as_ref().map(Scheduler::report)
     }
 
-    fn take(&mut self, frame: RawFrame) -> Result<(), DeviceError> {
-        if self.scheduler.is_none() {
+    fn take(&mut self, mut frame: RawFrame) -> Result<(), DeviceError> {
+        let is_stated = self.camera.source_mut().states_exposures();
+        if self.scheduler.is_none() && !is_stated {
             self.ready.push_back(frame);
             return Ok(());
         }
@@ -195,7 +200,13 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         if self.search.is_some() {
             return self.look_for_response(&frame);
         }
-        self.attribute(frame)?;
+        if is_stated {
+            frame.response.clone_from(&self.found);
+            self.counts.known += 1;
+            self.ready.push_back(frame);
+        } else {
+            self.attribute(frame)?;
+        }
         self.fit_exposures()?;
         self.give_up_where_nothing_is_known();
         self.try_again_later()
@@ -203,10 +214,8 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
 
     /// Lets the planner look at the frames that are known by now, and goes over to its plan.
     fn fit_exposures(&mut self) -> Result<(), DeviceError> {
-        let (Some(planner), Some(scheduler)) = (&mut self.planner, &mut self.scheduler) else {
-            return Ok(());
-        };
-        if scheduler.cycle().len() < 2 {
+        let Some(planner) = &mut self.planner else { return Ok(()) };
+        if self.scheduler.as_ref().is_some_and(|scheduler| scheduler.cycle().len() < 2) {
             return Ok(());
         }
         let mut has_changed = false;
@@ -221,7 +230,10 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             let wanted = planner.plan().to_vec();
             let refused =
                 |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
-            scheduler.set_cycle(&wanted).map_err(refused)?;
+            match &mut self.scheduler {
+                Some(scheduler) => scheduler.set_cycle(&wanted).map_err(refused)?,
+                None => drop(self.camera.set_exposures(&wanted)?),
+            }
             let times: Vec<String> = wanted.iter().map(|e| format!("{:.2}", 1e3 * e.time_s)).collect();
             tracing::info!("{}: exposures fitted to the scene: {} ms", self.device, times.join(", "));
             self.cycle = wanted;
@@ -281,60 +293,12 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
         Ok(())
     }
 
-    /// One frame of the search.
-    fn look_for_response(&mut self, frame: &RawFrame) -> Result<(), DeviceError> {
-        let Some(search) = &mut self.search else { return Ok(()) };
-        self.counts.left_out += 1;
-        // A sensor's own values are coded here, so their response is known.
-        let mut step = match self.camera.is_coded_here() {
-            true => SearchStep::Finish,
-            false => search.frame(&frame.pixels, &self.thumbnail),
-        };
-        while let SearchStep::Write(wish) = step {
-            let taken = self.camera.source_mut().write_exposure(wish)?;
-            step = search.written(taken);
-        }
-        if step == SearchStep::Finish
-            && let Some(search) = self.search.take()
-        {
-            match search.finish() {
-                _ if self.camera.is_coded_here() => {}
-                Ok(response) => self.use_found(Arc::new(response)),
-                Err(why) => {
-                    tracing::warn!(
-                        "{}: its response cannot be told from its pictures, sRGB is taken: {why}",
-                        self.device
-                    );
-                }
-            }
-            self.begin_cycle()?;
-        }
-        Ok(())
-    }
-
-    fn use_found(&mut self, response: Arc<Response>) {
-        let identity = self.camera.source_mut().identity();
-        if let Some(found) = self.to_find.as_ref().filter(|_| !identity.is_empty()) {
-            found.keep(identity, &response);
-        }
-        self.reader = ThumbnailReader::new(&response);
-        self.camera.state_response(Response::clone(&response));
-        self.found = Some(response);
-        tracing::info!("{}: its response was found from its own exposures", self.device);
-    }
-
-    /// Looks for the response where there is something to find and to see.
-    fn begin_search(&mut self) -> Result<(), DeviceError> {
-        let Some(first) = self.cycle.get(self.cycle.len() / 2).copied() else { return Ok(()) };
-        let times = self.cycle.iter().map(|e| e.time_s);
-        let (shortest_s, longest_s) = times.fold((f64::INFINITY, 0.0f64), |(s, l), t| (s.min(t), l.max(t)));
-        let taken = self.camera.source_mut().write_exposure(first)?;
-        let longest_s = (2.0 * longest_s).min(LONGEST_SEARCHED_S.max(longest_s));
-        self.search = Some(ResponseSearch::new(taken, 0.5 * shortest_s, longest_s));
-        Ok(())
-    }
-
     fn begin_cycle(&mut self) -> Result<(), DeviceError> {
+        if self.camera.source_mut().states_exposures() {
+            self.camera.set_exposures(&self.cycle)?;
+            self.begin_planning();
+            return Ok(());
+        }
         let refused =
             |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
         self.scheduler = Some(Scheduler::new(&self.cycle).map_err(refused)?);
@@ -380,6 +344,10 @@ impl<S: CaptureSource + ExposureControl> BracketedCamera<S> {
             scheduler.restart();
             // The frames that wait come out as abandoned, in their order.
         }
+        self.wait_before_trying_again();
+    }
+
+    fn wait_before_trying_again(&mut self) {
         self.try_again = Some(self.next_pause);
         self.next_pause = self.next_pause.saturating_mul(2);
     }
@@ -414,31 +382,25 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
     /// every frame has the one that the camera states.
     fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
         let taken = self.camera.set_exposures(exposures)?;
-        if !self.camera.source_mut().can_be_written() {
+        let source = self.camera.source_mut();
+        let is_stated = source.states_exposures();
+        if !source.can_be_written() && !is_stated {
             return Ok(taken);
         }
         let refused =
             |e| DeviceError::new(&self.device, "use these exposures", ErrorKind::Refused).because(e);
+        let is_first = self.cycle.is_empty();
         self.cycle.clone_from(&taken);
         match &mut self.scheduler {
-            Some(scheduler) => {
-                scheduler.set_cycle(&taken).map_err(refused)?;
-                self.begin_planning();
-                // The camera was just told another exposure than the one that is held.
-                if self.search.is_some() {
-                    self.begin_search()?;
-                }
-                return Ok(taken);
-            }
+            _ if is_stated => {}
+            Some(scheduler) => scheduler.set_cycle(&taken).map_err(refused)?,
             none => *none = Some(Scheduler::new(&taken).map_err(refused)?),
         }
-        let identity = self.camera.source_mut().identity();
-        match self.to_find.as_ref().filter(|_| taken.len() > 1) {
-            None => {}
-            Some(found) => match found.of(&identity) {
-                Some(response) => self.use_found(response),
-                None => self.begin_search()?,
-            },
+        if is_first {
+            self.know_response()?;
+        } else if self.search.is_some() {
+            // The camera was just told another exposure than the one that is held.
+            self.begin_search()?;
         }
         self.begin_planning();
         Ok(taken)
@@ -457,5 +419,6 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
     }
 }
 
+mod finding;
 #[cfg(test)]
 mod tests;

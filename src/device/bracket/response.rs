@@ -121,14 +121,31 @@ impl ResponseSearch {
         self.turn_round(&seen, true)
     }
 
+    /// Takes a frame that states its exposure: one that has not the exposure of this step yet is passed over.
+    pub fn stated_frame(
+        &mut self,
+        picture: &Rgb8Image,
+        thumbnail: &Thumbnail,
+        stated: Exposure,
+    ) -> SearchStep {
+        self.frames += 1;
+        if is_far(stated, self.current) && self.frames < MOST_FRAMES {
+            return SearchStep::Frame;
+        }
+        let seen = PictureSums::of(thumbnail);
+        // The sensor was asked for more than it can.
+        let is_new = self.held.iter().all(|held| is_far(held.exposure, stated));
+        if is_new {
+            self.held.push(HeldPicture { exposure: stated, picture: every_few(picture) });
+        }
+        self.turn_round(&seen, is_new)
+    }
+
     /// Tells what the camera made of the exposure that was to be written. A control that has come to its end is turned round.
     pub fn written(&mut self, read_back: Exposure) -> SearchStep {
         self.frames = 0;
         self.recent = [f64::NAN; RESTING];
-        let far = |held: &HeldPicture| {
-            (held.exposure.effective_s() / read_back.effective_s()).ln().abs() >= LEAST_STEP.ln()
-        };
-        if self.held.iter().all(far) {
+        if self.held.iter().all(|held| is_far(held.exposure, read_back)) {
             self.current = read_back;
             return SearchStep::Frame;
         }
@@ -179,6 +196,10 @@ impl ResponseSearch {
         let ranked: Vec<Rgb8Image> = pictures.iter().map(|picture| ranked(picture)).collect();
         solved(&ranked.iter().collect::<Vec<_>>(), &exposures).or(still)
     }
+}
+
+fn is_far(a: Exposure, b: Exposure) -> bool {
+    !((a.effective_s() / b.effective_s()).ln().abs() < LEAST_STEP.ln())
 }
 
 fn solved(pictures: &[&Rgb8Image], exposures: &[Exposure]) -> Result<Response, String> {

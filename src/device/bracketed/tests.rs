@@ -3,6 +3,7 @@
 mod finding;
 mod fitting;
 mod measuring;
+mod stated;
 
 use super::*;
 use crate::Clock;

@@ -3,6 +3,7 @@
 use super::device::{CompletedRequest, RequestDevice};
 use super::exposure::{ExposureCycle, RequestControls, taken};
 use super::format::{self, GrantedStream};
+use crate::bracket::plan::Limits;
 use crate::frame_count::FrameCount;
 use crate::model::{
     frame::{CapturedFrame, Exposure},
@@ -22,6 +23,8 @@ use std::time::Duration;
 const MOST_DAMAGED_IN_A_ROW: u64 = 30;
 /// The longest wait at a time: the camera says only when it is asked that it is gone.
 const LONGEST_WAIT: Duration = Duration::from_millis(250);
+/// The shortest exposure that is planned, seconds.
+const SHORTEST_PLANNED_S: f64 = 1e-4;
 /// What requests ask for before anybody has said.
 const FIRST: Exposure = Exposure { time_s: 0.01, gain: 1.0 };
 
@@ -264,6 +267,22 @@ impl<D: RequestDevice> ExposureControl for RequestCamera<D> {
     /// Only where frames do not state their exposure: those that do need nobody who tells it.
     fn can_be_written(&self) -> bool {
         self.door.takes_exposures() && self.statement == Statement::Missing
+    }
+
+    fn states_exposures(&self) -> bool {
+        self.door.takes_exposures() && self.statement == Statement::Stated
+    }
+
+    /// The binding tells no limits; these are within those of nearly all sensors, and a frame states what it had.
+    fn exposure_limits(&self) -> Option<Limits> {
+        self.door.takes_exposures().then(|| Limits {
+            least_s: SHORTEST_PLANNED_S,
+            most_s: 1.0 / self.frames_per_s,
+            step_s: 1e-6,
+            frame_interval_s: 1.0 / self.frames_per_s,
+            gain: 1.0,
+            mains: None,
+        })
     }
 
     fn times_are_starts(&self) -> bool {

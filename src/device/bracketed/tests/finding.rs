@@ -34,7 +34,7 @@ pub(super) fn response(seed: u64) -> Response {
 }
 
 /// Difference of two responses over well-exposed values, ln light, apart from the scale: rms, and the worst.
-fn distance(a: &Response, b: &Response) -> (f64, f64) {
+pub(super) fn distance(a: &Response, b: &Response) -> (f64, f64) {
     let pairs = a.log_exposure().iter().zip(b.log_exposure());
     let differences: Vec<f64> =
         pairs.flat_map(|(a, b)| (24..=240).map(|z| f64::from((a[z] - a[128]) - (b[z] - b[128])))).collect();
