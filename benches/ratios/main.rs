@@ -1,6 +1,7 @@
 //! Ratios in one run on one machine: `cargo bench --bench ratios`, or `-- NAME` for one module of the list.
 
 mod blockers;
+mod conversions;
 mod delivery;
 mod effects;
 mod frame;
@@ -15,7 +16,8 @@ mod timing;
 mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 11] = [
+    let all: [(&str, fn()); 12] = [
+        ("conversions", conversions::run),
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
         ("blockers", blockers::run),

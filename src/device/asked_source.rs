@@ -41,6 +41,11 @@ macro_rules! ask_source {
             self.source.delivers_at_once()
         }
     };
+    (@ pixel_format) => {
+        fn pixel_format(&self) -> Option<$crate::model::pixels::PixelFormat> {
+            self.source.pixel_format()
+        }
+    };
     (@ bracket_report) => {
         fn bracket_report(&self) -> Option<$crate::bracket::Report> {
             self.source.bracket_report()

@@ -16,6 +16,7 @@ use crate::bracket::{
 use crate::developed::{CaptureSource, DevelopedCamera};
 use crate::model::{
     frame::{Exposure, RawFrame},
+    pixels::PixelFormat,
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -412,6 +413,10 @@ impl<S: CaptureSource + ExposureControl> FrameSource for BracketedCamera<S> {
 
     fn response(&self) -> Option<Response> {
         self.camera.response()
+    }
+
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        self.camera.pixel_format()
     }
 
     fn bracket_report(&self) -> Option<Report> {

@@ -24,6 +24,11 @@ pub trait CaptureSource: Send {
     /// As [`FrameSource::rig`].
     fn rig(&self) -> Option<Rig>;
 
+    /// As [`FrameSource::pixel_format`].
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        None
+    }
+
     /// The camera as such, whatever its place today: what was found out about it holds when it comes back. Empty where
     /// nothing tells it from others.
     fn identity(&self) -> String {
@@ -119,6 +124,10 @@ impl<S: CaptureSource> FrameSource for DevelopedCamera<S> {
 
     fn set_exposures(&mut self, exposures: &[Exposure]) -> Result<Vec<Exposure>, DeviceError> {
         self.source.set_exposures(exposures)
+    }
+
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        self.source.pixel_format()
     }
 
     fn rig(&self) -> Option<Rig> {

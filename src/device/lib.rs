@@ -53,6 +53,7 @@ use crate::model::{
     frame::{Exposure, RawFrame},
     image::Rgb8Image,
     imu::{ImuOrientation, ImuSample},
+    pixels::PixelFormat,
     response::Response,
     rig::Rig,
     time::Timestamp,
@@ -101,6 +102,11 @@ pub trait FrameSource: Send {
     /// Returns whether the source has a time line of its own and never waits (a recording, a synthetic room).
     fn delivers_at_once(&self) -> bool {
         false
+    }
+
+    /// How the driver's pictures lie in memory; `None` where frames come as 8-bit RGB.
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        None
     }
 
     /// What was found of the camera's exposure control; `None` where exposures cannot be written.

@@ -76,7 +76,7 @@ impl<S: FrameSource> FrameSource for PacedFrames<S> {
     }
 
     // It delivers at its pace, and one that is held is still to come.
-    ask_source!(set_exposures rig response truth scene bracket_report);
+    ask_source!(set_exposures rig response truth scene pixel_format bracket_report);
 
     fn frames_left(&self) -> Option<u64> {
         self.source.frames_left().map(|left| left + u64::from(self.held.is_some()))

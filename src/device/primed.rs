@@ -22,5 +22,5 @@ impl<S: FrameSource> FrameSource for PrimedSource<S> {
         self.first.take().map_or_else(|| self.source.next(deadline), Ok)
     }
 
-    ask_source!(set_exposures rig response frames_left truth scene delivers_at_once bracket_report);
+    ask_source!(set_exposures rig response frames_left truth scene delivers_at_once pixel_format bracket_report);
 }

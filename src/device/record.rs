@@ -79,7 +79,7 @@ impl<S: FrameSource, W: Write + Seek + Send> FrameSource for Recorder<S, W> {
         Ok(frame)
     }
 
-    ask_source!(set_exposures rig response frames_left truth scene delivers_at_once bracket_report);
+    ask_source!(set_exposures rig response frames_left truth scene delivers_at_once pixel_format bracket_report);
 }
 
 /// An IMU whose samples are written as they pass.

@@ -3,6 +3,7 @@
 //! Rows are worked on in parallel; the result does not depend on the number of threads. Nothing is allocated once buffers
 //! have their size, but for MJPEG, whose decoder takes memory of its own.
 
+use crate::math::widest::widest;
 use crate::model::{
     image::{RadianceImage, Rgb8Image},
     pixels::{FramePixels, PixelFormat},
@@ -10,11 +11,13 @@ use crate::model::{
     sensor::{SensorImage, UNSEEN},
 };
 use bayer::Sensor;
+use codes::NearestValues;
 use rayon::prelude::*;
 use std::sync::Arc;
-use yuv::YuvToRgb;
+use yuv::{CHUNK, YuvChunk, YuvToRgb};
 
 mod bayer;
+mod codes;
 mod jpeg;
 mod yuv;
 
@@ -72,8 +75,7 @@ pub struct Developer {
     options: SensorOptions,
     /// For each channel and value the exposure that makes it.
     exposure_of_value: [[f32; 256]; 3],
-    /// For each channel and value the exposure from which the next value is given.
-    thresholds: [[f32; 256]; 3],
+    nearest: NearestValues,
     /// Pictures made for frames; those that nobody else holds are used again.
     made: Vec<Arc<Rgb8Image>>,
     /// The same for pictures at the sensor's fineness.
@@ -98,7 +100,7 @@ impl Developer {
         Ok(Self {
             options,
             exposure_of_value: response.log_exposure().map(|g| g.map(f32::exp)),
-            thresholds: response.thresholds(),
+            nearest: NearestValues::new(&response.thresholds()),
             made: Vec::new(),
             made_of_sensor: Vec::new(),
             samples: Vec::new(),
@@ -144,17 +146,21 @@ impl Developer {
         if pixels.layout().format == PixelFormat::Mjpeg {
             return jpeg::decode(pixels, &mut self.samples, out);
         }
-        let thresholds = &self.thresholds;
+        let nearest = &self.nearest;
         out.reshape(pixels.width(), pixels.height(), [0; 3]);
-        let rows = out.pixels_mut().par_chunks_mut(pixels.width());
+        let rows = out.pixels_mut().par_chunks_mut(pixels.width()).with_min_len(ROWS_AT_ONCE);
         match self.sensor(pixels) {
             Some(sensor) => rows.enumerate().for_each(|(y, row)| {
-                for (x, pixel) in row.iter_mut().enumerate() {
-                    *pixel = coded(thresholds, sensor.pixel(x, y).0);
-                }
+                widest(
+                    #[inline(always)]
+                    || sensor.each_pixel(y, |x, exposure, _| row[x] = nearest.of(exposure)),
+                );
             }),
             None => rows.enumerate().for_each(|(y, row)| {
-                each_value(pixels, y, |x, value| row[x] = value);
+                widest(
+                    #[inline(always)]
+                    || each_value(pixels, y, |x, value| row[x] = value),
+                );
             }),
         }
         Ok(())
@@ -164,18 +170,22 @@ impl Developer {
     /// channel is clipped where one of the values that it is the mean of is saturated.
     fn both(&self, pixels: &FramePixels, image: &mut Rgb8Image, fine: &mut SensorImage) {
         let Some(sensor) = self.sensor(pixels) else { return };
-        let thresholds = &self.thresholds;
+        let nearest = &self.nearest;
         let (width, height) = (pixels.width(), pixels.height());
         image.reshape(width, height, [0; 3]);
         fine.values.reshape(width, height, [UNSEEN; 3]);
         fine.scale = sensor.scale_of_values();
-        let rows = image.pixels_mut().par_chunks_mut(width);
+        let rows = image.pixels_mut().par_chunks_mut(width).with_min_len(ROWS_AT_ONCE);
         rows.zip(fine.values.pixels_mut().par_chunks_mut(width)).enumerate().for_each(|(y, (row, fine))| {
-            for (x, (pixel, fine)) in row.iter_mut().zip(fine).enumerate() {
-                let (exposure, values) = sensor.pixel(x, y);
-                *pixel = coded(thresholds, exposure);
-                *fine = values;
-            }
+            widest(
+                #[inline(always)]
+                || {
+                    sensor.each_pixel(y, |x, exposure, values| {
+                        row[x] = nearest.of(exposure);
+                        fine[x] = values;
+                    });
+                },
+            );
         });
     }
 
@@ -191,15 +201,19 @@ impl Developer {
             out.pixels_mut().par_iter_mut().zip(values).for_each(|(out, value)| *out = exposure_of(*value));
             return Ok(());
         }
-        let rows = out.pixels_mut().par_chunks_mut(pixels.width());
+        let rows = out.pixels_mut().par_chunks_mut(pixels.width()).with_min_len(ROWS_AT_ONCE);
         match self.sensor(pixels) {
             Some(sensor) => rows.enumerate().for_each(|(y, row)| {
-                for (x, pixel) in row.iter_mut().enumerate() {
-                    *pixel = sensor.pixel(x, y).0;
-                }
+                widest(
+                    #[inline(always)]
+                    || sensor.each_pixel(y, |x, exposure, _| row[x] = exposure),
+                );
             }),
             None => rows.enumerate().for_each(|(y, row)| {
-                each_value(pixels, y, |x, value| row[x] = exposure_of(value));
+                widest(
+                    #[inline(always)]
+                    || each_value(pixels, y, |x, value| row[x] = exposure_of(value)),
+                );
             }),
         }
         Ok(())
@@ -224,49 +238,33 @@ impl Developer {
     }
 }
 
+/// Rows that a thread takes at once, at least: a row alone is less work than to hand it over.
+const ROWS_AT_ONCE: usize = 16;
+
 /// Hands on the values of a row of an 8-bit format; nothing for other formats.
+#[inline(always)]
 fn each_value(pixels: &FramePixels, y: usize, mut put: impl FnMut(usize, [u8; 3])) {
     let (layout, row) = (pixels.layout(), pixels.row(y));
     let width = layout.width;
-    match layout.format {
+    let to_rgb = YuvToRgb::new(layout.range, layout.matrix);
+    let chroma = match layout.format {
         PixelFormat::Rgb24 => {
-            for (x, value) in row.chunks_exact(3).enumerate() {
+            for (x, value) in row.chunks_exact(3).take(width).enumerate() {
                 put(x, [value[0], value[1], value[2]]);
             }
+            return;
         }
-        PixelFormat::Grey => {
-            let to_rgb = YuvToRgb::new(layout.range, layout.matrix);
-            for (x, y) in row.iter().enumerate() {
-                put(x, to_rgb.convert(*y, 128, 128));
-            }
+        PixelFormat::Nv12 => pixels.row(layout.height + y / 2),
+        PixelFormat::Grey | PixelFormat::Yuyv | PixelFormat::Uyvy => row,
+        PixelFormat::Bayer(..) | PixelFormat::Mjpeg => return,
+    };
+    for start in (0..width).step_by(CHUNK) {
+        let chunk = YuvChunk::read(layout.format, row, chroma, start, (width - start).min(CHUNK));
+        let [red, green, blue] = to_rgb.convert(&chunk);
+        for i in 0..chunk.count {
+            put(start + i, [red[i], green[i], blue[i]]);
         }
-        PixelFormat::Yuyv | PixelFormat::Uyvy => {
-            let to_rgb = YuvToRgb::new(layout.range, layout.matrix);
-            // Places of Y, Cb, Cr in four bytes.
-            let (luma, blue, red) = match layout.format {
-                PixelFormat::Yuyv => ([0, 2], 1, 3),
-                _ => ([1, 3], 0, 2),
-            };
-            for x in 0..width {
-                let four = &row[x / 2 * 4..x / 2 * 4 + 4];
-                put(x, to_rgb.convert(four[luma[x % 2]], four[blue], four[red]));
-            }
-        }
-        PixelFormat::Nv12 => {
-            let to_rgb = YuvToRgb::new(layout.range, layout.matrix);
-            let chroma = pixels.row(layout.height + y / 2);
-            for x in 0..width {
-                let pair = x / 2 * 2;
-                put(x, to_rgb.convert(row[x], chroma[pair], chroma[pair + 1]));
-            }
-        }
-        PixelFormat::Bayer(..) | PixelFormat::Mjpeg => {}
     }
-}
-
-/// The response's nearest values.
-fn coded(thresholds: &[[f32; 256]; 3], exposure: [f32; 3]) -> [u8; 3] {
-    std::array::from_fn(|c| thresholds[c].partition_point(|edge| *edge <= exposure[c]).min(255) as u8)
 }
 
 /// A picture out of those made that nobody else holds, or a new one.

@@ -7,7 +7,7 @@ use crate::bracket::plan::Limits;
 use crate::frame_count::FrameCount;
 use crate::model::{
     frame::{CapturedFrame, Exposure},
-    pixels::{PixelLayout, PixelPool},
+    pixels::{PixelFormat, PixelLayout, PixelPool},
     rig::Rig,
     time::Timestamp,
 };
@@ -250,6 +250,10 @@ impl<D: RequestDevice> CaptureSource for RequestCamera<D> {
     fn rig(&self) -> Option<Rig> {
         let (width, height) = (self.layout.width, self.layout.height);
         Some(Rig::guessed(width as u32, height as u32))
+    }
+
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        Some(self.layout.format)
     }
 
     fn identity(&self) -> String {

@@ -7,7 +7,7 @@ use super::stream::{Stream, StreamCounts, StreamError, StreamedPicture};
 use crate::bracket::plan::Limits;
 use crate::model::{
     frame::{CapturedFrame, Exposure},
-    pixels::PixelLayout,
+    pixels::{PixelFormat, PixelLayout},
     rig::Rig,
     time::Timestamp,
 };
@@ -171,6 +171,10 @@ impl<N: VideoNode> CaptureSource for V4l2Camera<N> {
     fn rig(&self) -> Option<Rig> {
         let (width, height) = self.size();
         Some(Rig::guessed(width as u32, height as u32))
+    }
+
+    fn pixel_format(&self) -> Option<PixelFormat> {
+        Some(self.layout.format)
     }
 
     fn identity(&self) -> String {

@@ -1,5 +1,6 @@
 //! `halflight explain`: which effects a frame has, which it keeps and which it does without, and why.
 
+use super::capture_steps::{CaptureStep, steps_of};
 use super::output::{camera_of, need_frame, shown};
 use super::progress::{Bar, host};
 use super::{CliError, GlobalOptions, quality_flags::QualityFlags, render::is_scene_file};
@@ -22,7 +23,8 @@ use std::path::PathBuf;
 /// The long form of the verb's help.
 pub const LONG_ABOUT: &str = "\
 Tell which effects a frame has, which it keeps from an earlier frame, and which it does without. Of each \
-effect the table says why, what that saves, and what it can change in the picture at most.\n\n\
+effect the table says why, what that saves, and what it can change in the picture at most. Of a camera's or a \
+recording's frames it says as well which steps of capture they go through.\n\n\
 Example: halflight explain desk.mcap --scene desk.toml --frame 12";
 
 /// Arguments of `halflight explain`.
@@ -49,6 +51,8 @@ pub struct ExplainArguments {
 /// A frame that was planned.
 struct Explained {
     plan: FramePlan,
+    /// What is done to a recording's frames before anything is drawn.
+    capture: Vec<CaptureStep>,
     /// Number of the frame, and what the viewer got, of a recording.
     frame: Option<(u64, Shown)>,
 }
@@ -94,7 +98,7 @@ fn of_still(
         CaseStills::new(&case, &default_image(&case)?)?.still(quality, &host())
     };
     let drawn = still.draw(engine.as_mut(), quality, None, 0)?;
-    Ok(Explained { plan: drawn.plan, frame: None })
+    Ok(Explained { plan: drawn.plan, capture: Vec::new(), frame: None })
 }
 
 fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<Explained, CliError> {
@@ -109,6 +113,7 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
         settings.scene_file = path_text::to_text(scene);
     }
     let prepared = prepare(&settings, &host())?;
+    let capture = steps_of(&prepared);
     let total = prepared.source.frames_left().map(|n| arguments.frame.map_or(n, |frame| n.min(frame + 1)));
     let mut last = LastShown { shown: None, bar: Bar::of_count(total, "frames") };
     let ran = run_prepared(prepared, &settings, &mut last)?;
@@ -122,7 +127,7 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
             ran.counts.frames - 1
         )));
     }
-    Ok(Explained { plan: ran.last_plan, frame: Some((ran.counts.frames - 1, shown)) })
+    Ok(Explained { plan: ran.last_plan, capture, frame: Some((ran.counts.frames - 1, shown)) })
 }
 
 /// What became of the newest frame.
@@ -160,6 +165,12 @@ fn table(explained: &Explained) -> String {
             Shown::PassedThrough(why) => format!("the camera's picture alone: {why}\n"),
         };
     }
+    if !explained.capture.is_empty() {
+        out += "capture\n";
+    }
+    for step in &explained.capture {
+        out += &format!("{:<18}{:<24}{}\n", step.name, step.verdict(), step.reason);
+    }
     out += &format!("{:<18}{:<6}{:>8} {:>9}  why\n", "effect", "", "work", "without");
     for decision in &explained.plan.decisions {
         out += &format!(
@@ -191,6 +202,7 @@ fn json(arguments: &ExplainArguments, explained: &Explained) -> serde_json::Valu
             Shown::PassedThrough(why) => Some(why),
         }),
         "shown_as_it_is": explained.plan.passes_through,
+        "capture": explained.capture.iter().map(CaptureStep::json).collect::<Vec<_>>(),
         "decisions": explained.plan.decisions.iter().map(decision).collect::<Vec<_>>(),
     })
 }

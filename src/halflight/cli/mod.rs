@@ -4,6 +4,7 @@
 pub mod printing;
 
 pub mod calibrate;
+mod capture_steps;
 pub mod check;
 pub mod devices;
 pub mod error;

@@ -308,3 +308,30 @@ fn an_image_of_ours_stays_itself_and_others_share_a_few_pictures() {
     }
     assert!(developer.pictures_made() <= 4, "{}", developer.pictures_made());
 }
+
+#[test]
+fn wide_rows_are_what_single_pixels_give() {
+    for order in BayerOrder::ALL {
+        for depth in BayerDepth::ALL {
+            for width in [3, 65, 66, 67, 200] {
+                let layout = PixelLayout::packed(PixelFormat::Bayer(order, depth), width, 5);
+                let pixels = pixels_of(layout, bytes(width as u64, layout.least_bytes()));
+                let options = SensorOptions { black: 0.06, white: 0.9, white_balance: [1.7, 1.0, 1.3] };
+                let developer = developer(options);
+                let sensor = developer.sensor(&pixels).unwrap();
+                for y in 0..5 {
+                    let mut seen = vec![0; width];
+                    sensor.each_pixel(y, |x, exposure, values| {
+                        assert_eq!(
+                            (exposure, values),
+                            sensor.pixel(x, y),
+                            "{order:?} {depth:?} {width} {x} {y}"
+                        );
+                        seen[x] += 1;
+                    });
+                    assert_eq!(seen, vec![1; width]);
+                }
+            }
+        }
+    }
+}
