@@ -30,7 +30,7 @@ if [ -n "$$missing" ]; then echo "Installing:$$missing"; $(SUDO) apt-get update 
 DEBIAN_FRONTEND=noninteractive $(SUDO) apt-get install -y -qq --no-install-recommends $$missing >/dev/null; fi
 endef
 
-.PHONY: help demo demo-real figures tradeoff presets docs test test-vm fuzz bench lint tools-build tools-packages tools-libcamera tools-gpu tools-film tools-browser tools-python tools-vm release
+.PHONY: help demo demo-real figures tradeoff presets docs test test-vm soak fuzz bench lint tools-build tools-packages tools-libcamera tools-gpu tools-film tools-browser tools-python tools-vm release
 
 # What the front of error against time is measured on: all bundled scenes.
 SUBJECTS := tests/recordings/desk.mcap@tests/scenes/desk.toml tests/recordings/desk.mcap@tests/scenes/walker.toml \
@@ -46,6 +46,7 @@ help:
 	@echo "make docs       the plots and tables of docs/, made anew"
 	@echo "make test       everything that needs no GPU hardware; at its end the figures that were wanted beside those reached"
 	@echo "make test-vm    the programs in a guest under QEMU: a camera, inertial sensors and a serial line behind real kernel drivers"
+	@echo "make soak       what make test cuts short, whole: some minutes"
 	@echo "make fuzz       a million damaged inputs of every format"
 	@echo "make bench      ratios against the naive form and the papers' figures"
 	@echo "make lint       format, clippy, licences"
@@ -110,6 +111,11 @@ test-vm: tools-build tools-vm
 	cargo build --release --locked --bins $(FEATURES)
 	cargo build --locked --workspace --bin halflight-vm --bin halflight-vm-agent $(FEATURES)
 	target/debug/halflight-vm $(STEPS)
+
+# What is cut short in `make test`, whole: a million simulated frames of a bracket, a hundred response curves, ten thousand losses.
+soak: tools-build
+	HALFLIGHT_SOAK=1 cargo test --locked -p halflight-device --lib $(FEATURES:libcamera=halflight-device/libcamera) -- --nocapture soak whatever_the_response
+	HALFLIGHT_SOAK=1 cargo test --locked --test lost_devices --test lost_camera --test long_run $(FEATURES) -- --nocapture
 
 fuzz: tools-build
 	HALFLIGHT_ABUSE=1000000 HALFLIGHT_ABUSE_SEED=$$(date +%s) cargo test --locked --test abuse $(FEATURES) -- --nocapture

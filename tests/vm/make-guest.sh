@@ -10,6 +10,9 @@ mkdir -p "$guest"
 MODULES=(virtio_pci 9p 9pnet_virtio xhci_pci uvcvideo hid hid-generic uhid
     hid-sensor-hub hid-sensor-accel-3d hid-sensor-gyro-3d hid-sensor-rotation ftdi_sio)
 
+# What a step loads by itself: it would be in the way of others.
+LATER=(vivid)
+
 fail() {
     echo "$*" >&2
     exit 1
@@ -29,7 +32,7 @@ mkdir -p "$guest/packages" "$guest/tree" "$guest/root"/{bin,proc,sys,dev,tmp,hos
     fail "$kernel and busybox-static cannot be downloaded"
 
 wanted=(./boot/vmlinuz-*)
-for folder in drivers/{hid,usb,media,iio,virtio,i2c,acpi} fs net/9p lib; do wanted+=("./lib/modules/*/kernel/$folder/*"); done
+for folder in drivers/{hid,usb,media,iio,virtio,i2c,acpi,video} fs net/9p lib; do wanted+=("./lib/modules/*/kernel/$folder/*"); done
 dpkg-deb --fsys-tarfile "$guest/packages/$kernel"_*.deb | tar -x -C "$guest/tree" --wildcards "${wanted[@]}"
 dpkg-deb --fsys-tarfile "$guest/packages"/busybox-static_*.deb | tar -x -C "$guest/tree" ./bin/busybox
 
@@ -40,7 +43,8 @@ while IFS= read -r file; do
     file_of[${name//-/_}]=$file
 done < <(find "$guest/tree/lib" -name '*.ko')
 
-# Copies a module after those that it needs, and writes down the order. What is no file is built into the kernel.
+# Copies a module after those that it needs, and writes down the order in $order. What is no file is built into the kernel.
+order=order
 add() {
     local name=${1//-/_} needed
     local file=${file_of[$name]:-}
@@ -49,9 +53,10 @@ add() {
     loaded[$name]=1
     for needed in $(tr '\0' '\n' <"$file" | sed -n 's/^depends=//p' | tr ',' ' '); do add "$needed"; done
     cp "$file" "$guest/root/modules/$name.ko"
-    echo "$name" >>"$guest/root/modules/order"
+    echo "$name" >>"$guest/root/modules/$order"
 }
 for name in "${MODULES[@]}"; do add "$name"; done
+for name in "${LATER[@]}"; do order=$name.order && add "$name"; done
 
 cp "$guest/tree/bin/busybox" "$guest/root/bin/busybox"
 ln -s busybox "$guest/root/bin/sh"

@@ -3,6 +3,8 @@
 //! All bounds are checked once, when a [`FramePixels`] is made; rows are then slices of known length.
 
 use super::image::Rgb8Image;
+#[cfg(unix)]
+use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
 /// Which colour stands at the four places of a Bayer sensor's cell, row by row.
@@ -292,6 +294,13 @@ impl PixelLayout {
 pub trait PixelMemory: Send + Sync {
     /// All bytes.
     fn bytes(&self) -> &[u8];
+
+    /// The same memory for other devices; `None` where it cannot be handed to them. It is theirs to read as long as this
+    /// memory is held.
+    #[cfg(unix)]
+    fn dma_buf(&self) -> Option<BorrowedFd<'_>> {
+        None
+    }
 }
 
 impl PixelMemory for Vec<u8> {
@@ -318,6 +327,7 @@ enum HeldPixels {
 pub struct FramePixels {
     layout: PixelLayout,
     held: HeldPixels,
+    begin: usize,
     used: usize,
 }
 
@@ -329,12 +339,20 @@ impl FramePixels {
         if used > length {
             return Err(PixelError::Used { used, length });
         }
-        let least = layout.least_bytes();
-        if used < least {
-            let PixelLayout { format, width, height, .. } = layout;
-            return Err(PixelError::Length { format, width, height, length: used, least });
+        if used < layout.least_bytes() {
+            return Err(too_short(&layout, used));
         }
-        Ok(Self { layout, held: HeldPixels::Lease(memory), used })
+        Ok(Self { layout, held: HeldPixels::Lease(memory), begin: 0, used })
+    }
+
+    /// Leaves out what a driver wrote before the picture. An error where what is left is too short.
+    pub fn after(self, skipped: usize) -> Result<Self, PixelError> {
+        let begin = self.begin.saturating_add(skipped);
+        let left = self.used.saturating_sub(begin);
+        if left < self.layout.least_bytes() {
+            return Err(too_short(&self.layout, left));
+        }
+        Ok(Self { begin, ..self })
     }
 
     /// Format and shape.
@@ -356,7 +374,7 @@ impl FramePixels {
     pub fn bytes(&self) -> &[u8] {
         match &self.held {
             HeldPixels::Image(image) => image.bytes(),
-            HeldPixels::Lease(memory) => &memory.bytes()[..self.used],
+            HeldPixels::Lease(memory) => &memory.bytes()[self.begin..self.used],
         }
     }
 
@@ -366,6 +384,15 @@ impl FramePixels {
         &self.bytes()[start..start + self.layout.row_bytes()]
     }
 
+    /// The picture's memory for a display or a GPU that takes it without a copy, where its driver exports it.
+    #[cfg(unix)]
+    pub fn dma_buf(&self) -> Option<BorrowedFd<'_>> {
+        match &self.held {
+            HeldPixels::Image(_) => None,
+            HeldPixels::Lease(memory) => memory.dma_buf(),
+        }
+    }
+
     /// The picture itself, where it is an 8-bit RGB image of ours.
     pub fn as_image(&self) -> Option<&Arc<Rgb8Image>> {
         match &self.held {
@@ -373,6 +400,11 @@ impl FramePixels {
             HeldPixels::Lease(_) => None,
         }
     }
+}
+
+fn too_short(layout: &PixelLayout, length: usize) -> PixelError {
+    let PixelLayout { format, width, height, .. } = *layout;
+    PixelError::Length { format, width, height, length, least: layout.least_bytes() }
 }
 
 impl std::fmt::Debug for FramePixels {
@@ -385,7 +417,7 @@ impl From<Arc<Rgb8Image>> for FramePixels {
     fn from(image: Arc<Rgb8Image>) -> Self {
         let layout = PixelLayout::packed(PixelFormat::Rgb24, image.width(), image.height());
         let used = image.bytes().len();
-        Self { layout, held: HeldPixels::Image(image), used }
+        Self { layout, held: HeldPixels::Image(image), begin: 0, used }
     }
 }
 

@@ -210,6 +210,7 @@ pub struct PlaneMapping {
     at: *mut c_void,
     begin: usize,
     end: usize,
+    dma_buf: OwnedFd,
 }
 
 // SAFETY: the memory belongs to this mapping alone, and is only read.
@@ -221,6 +222,10 @@ impl PixelMemory for PlaneMapping {
     fn bytes(&self) -> &[u8] {
         // SAFETY: mapped up to `end`, until dropped, and `begin` is before it.
         unsafe { std::slice::from_raw_parts(self.at.cast::<u8>().add(self.begin), self.end - self.begin) }
+    }
+
+    fn dma_buf(&self) -> Option<BorrowedFd<'_>> {
+        Some(self.dma_buf.as_fd())
     }
 }
 
@@ -242,10 +247,10 @@ fn map(buffer: &FrameBuffer, layout: &PixelLayout) -> io::Result<(PlaneMapping, 
         .ok_or_else(|| io::Error::other("its pictures lie in several pieces of memory"))?;
     // SAFETY: the descriptor is open for as long as the buffer is.
     let fd = unsafe { BorrowedFd::borrow_raw(planes[0].fd) };
-    let kept = fd.try_clone_to_owned()?;
+    let (kept, dma_buf) = (fd.try_clone_to_owned()?, fd.try_clone_to_owned()?);
     // SAFETY: a new mapping at a place of the kernel's choice.
     let at = unsafe { rustix::mm::mmap(null_mut(), end, ProtFlags::READ, MapFlags::SHARED, fd, 0)? };
-    Ok((PlaneMapping { at, begin, end }, kept))
+    Ok((PlaneMapping { at, begin, end, dma_buf }, kept))
 }
 
 /// Tells the memory's owner about the processor's reading, so that its caches are right.

@@ -64,7 +64,7 @@ impl<N: VideoNode> V4l2Camera<N> {
         })?;
         // A driver that cannot be asked runs at its own rate.
         let frames_per_s = node.set_rate(wish.frames_per_s).unwrap_or(wish.frames_per_s);
-        let exposure = ManualExposure::take(&node);
+        let exposure = ManualExposure::take(&node, [granted.width, granted.height], frames_per_s);
         if exposure.is_none() {
             tracing::warn!("{device}: the exposure cannot be set; every frame counts as one exposure");
         }

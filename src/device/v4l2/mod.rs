@@ -10,6 +10,7 @@ pub mod control;
 pub mod find;
 pub mod format;
 pub mod node;
+pub mod sensor;
 pub mod stream;
 pub mod sys;
 

@@ -88,8 +88,10 @@ pub struct Granted {
 pub struct Filled {
     /// Number of the buffer.
     pub index: usize,
-    /// Bytes of the picture.
+    /// Bytes that were filled.
     pub used: usize,
+    /// Bytes of them before the picture, which drivers of several planes may write.
+    pub skipped: usize,
     /// Counts the camera's frames, with those that were lost.
     pub sequence: u32,
     /// The driver's time, nanoseconds.
@@ -145,8 +147,31 @@ pub struct ControlFacts {
     pub can_be_set: bool,
 }
 
+/// Whose controls can be asked and written: a video node, or the sensor behind one. A call is a transfer to the device (some
+/// 10 ms).
+pub trait ControlNode: Send {
+    /// The range of a control; `None` where there is none.
+    fn control_facts(&self, id: u32) -> Option<ControlFacts>;
+    /// The value of a control.
+    fn control(&self, id: u32) -> io::Result<i32>;
+    /// The value of a control of 64 bits.
+    fn wide_control(&self, id: u32) -> io::Result<i64>;
+    /// Sets a control; returns what was taken, which may be clamped.
+    fn set_control(&self, id: u32, value: i32) -> io::Result<i32>;
+}
+
+/// A sensor behind a video node.
+pub struct BehindNode {
+    /// Its own name.
+    pub name: String,
+    /// Columns and rows that it gives.
+    pub size: [u32; 2],
+    /// Its controls.
+    pub controls: Box<dyn ControlNode>,
+}
+
 /// A video node. No call waits, but for `wait` and for controls, which are a transfer to the camera (some 10 ms).
-pub trait VideoNode: Send {
+pub trait VideoNode: ControlNode {
     /// A buffer of the driver.
     type Memory: PixelMemory + 'static;
 
@@ -170,10 +195,8 @@ pub trait VideoNode: Send {
     fn stop(&mut self) -> io::Result<()>;
     /// Waits until a buffer is filled, or the device is gone, or so long.
     fn wait(&mut self, longest: Duration) -> io::Result<Ready>;
-    /// The range of a control; `None` where the camera has none.
-    fn control_facts(&self, id: u32) -> Option<ControlFacts>;
-    /// The value of a control.
-    fn control(&self, id: u32) -> io::Result<i32>;
-    /// Sets a control; returns what was taken, which may be clamped.
-    fn set_control(&self, id: u32, value: i32) -> io::Result<i32>;
+    /// The sensor that a media controller has behind it; `None` where there is no controller.
+    fn sensor(&self) -> Option<BehindNode> {
+        None
+    }
 }

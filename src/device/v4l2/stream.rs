@@ -3,7 +3,7 @@
 
 use super::node::{ENODEV, Filled, Ready, VideoNode};
 use crate::frame_count::FrameCount;
-use crate::model::pixels::{FramePixels, PixelLayout, PixelPool};
+use crate::model::pixels::{FramePixels, PixelLayout, PixelMemory, PixelPool};
 use std::io;
 use std::time::Duration;
 
@@ -63,6 +63,8 @@ impl<N: VideoNode> Stream<N> {
             node.queue(index).map_err(|e| StreamError::Driver("hand over a buffer", e))?;
         }
         node.start().map_err(|e| StreamError::Driver("start the stream", e))?;
+        let exported = buffers.iter().filter(|buffer| buffer.dma_buf().is_some()).count();
+        tracing::debug!("{} buffers, {exported} of them exported as DMA-BUF", buffers.len());
         let pool = PixelPool::new(buffers);
         Ok(Self { node, layout, pool, sequence: FrameCount::default(), counts: StreamCounts::default() })
     }
@@ -96,7 +98,7 @@ impl<N: VideoNode> Stream<N> {
         let mut newest: Option<(u64, Filled)> = None;
         while let Some(filled) = self.node.dequeue().map_err(|e| failed("take a frame", e))? {
             let sequence = self.sequence.next(filled.sequence);
-            if filled.has_error || filled.used < self.layout.least_bytes() {
+            if filled.has_error || filled.used.saturating_sub(filled.skipped) < self.layout.least_bytes() {
                 self.counts.damaged += 1;
                 self.queue(filled.index)?;
                 continue;
@@ -108,7 +110,12 @@ impl<N: VideoNode> Stream<N> {
         }
         let Some((sequence, filled)) = newest else { return Ok(None) };
         match self.pool.lend(filled.index, self.layout, filled.used) {
-            Some(Ok(pixels)) => Ok(Some(StreamedPicture { sequence, filled, pixels })),
+            Some(Ok(pixels)) => {
+                // What is refused here is dropped, and comes back by itself.
+                let pixels = pixels.after(filled.skipped).ok();
+                self.counts.damaged += u64::from(pixels.is_none());
+                Ok(pixels.map(|pixels| StreamedPicture { sequence, filled, pixels }))
+            }
             // A driver that says more bytes than its buffer has, or names a buffer that it does not hold.
             Some(Err(_)) => {
                 self.counts.damaged += 1;

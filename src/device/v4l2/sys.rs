@@ -3,14 +3,18 @@
 #![allow(unsafe_code, reason = "the kernel takes pointers")]
 
 use super::node::{
-    ControlFacts, ControlKind, Filled, FrameRates, Granted, NodeFacts, Offer, Ready, VideoNode,
+    BehindNode, ControlFacts, ControlKind, ControlNode, Filled, FrameRates, Granted, NodeFacts, Offer, Ready,
+    VideoNode,
 };
+use super::sensor;
 use crate::model::pixels::PixelMemory;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
 use std::ffi::c_void;
 use std::io;
 use std::mem::zeroed;
-use std::os::fd::{BorrowedFd, RawFd};
+use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd, RawFd};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
 use v4l::v4l_sys as kernel;
@@ -18,18 +22,22 @@ use v4l::v4l2::{self, vidioc};
 
 /// Formats, sizes and rates that are asked for: a driver that lists more is cut short.
 const MOST_LISTED: u32 = 64;
+const MOST_FORMATS: u32 = 256;
 
 /// A video node of the kernel.
 pub struct KernelNode {
     device: v4l::Device,
     /// `V4L2_BUF_TYPE_VIDEO_CAPTURE` or its multi-planar twin.
     kind: u32,
+    /// The kernel's number of the node.
+    number: u64,
 }
 
 /// A buffer of the driver, mapped into the process.
 pub struct Mapping {
     at: *mut c_void,
     length: usize,
+    dma_buf: Option<OwnedFd>,
     /// Keeps the node's descriptor open for as long as the memory is mapped.
     _open: std::sync::Arc<v4l::device::Handle>,
 }
@@ -44,6 +52,10 @@ impl PixelMemory for Mapping {
         // SAFETY: mapped with this length, until dropped.
         unsafe { std::slice::from_raw_parts(self.at.cast(), self.length) }
     }
+
+    fn dma_buf(&self) -> Option<BorrowedFd<'_>> {
+        self.dma_buf.as_ref().map(AsFd::as_fd)
+    }
 }
 
 impl Drop for Mapping {
@@ -57,7 +69,8 @@ impl KernelNode {
     /// Opens a node without waiting; an error where it is none that captures pictures.
     pub fn open(path: &Path) -> io::Result<Self> {
         let device = v4l::Device::with_path(path)?;
-        let mut node = Self { device, kind: kernel::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE };
+        let number = std::fs::metadata(path)?.rdev();
+        let mut node = Self { device, kind: kernel::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE, number };
         if node.facts()?.multi_planar {
             node.kind = kernel::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
         }
@@ -73,8 +86,7 @@ impl KernelNode {
     }
 
     fn call<T>(&self, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
-        // SAFETY: each caller pairs the request with the structure that its number was made from.
-        unsafe { v4l2::ioctl(self.fd(), request, std::ptr::from_mut(argument).cast()) }
+        call(self.fd(), request, argument)
     }
 
     /// Sizes of a format, the largest of a range alone.
@@ -164,14 +176,24 @@ impl KernelNode {
         // SAFETY: the kernel checks offset and length against the buffer; nothing else is mapped over.
         let at =
             unsafe { v4l2::mmap(std::ptr::null_mut(), length, READ, SHARED, self.fd(), i64::from(offset)) }?;
-        Ok(Mapping { at, length, _open: self.device.handle() })
+        Ok(Mapping { at, length, dma_buf: self.export(index), _open: self.device.handle() })
+    }
+
+    /// A buffer as a DMA-BUF, for a display or a GPU that takes it without a copy; `None` where the driver exports none.
+    fn export(&self, index: u32) -> Option<OwnedFd> {
+        // SAFETY: plain numbers; zero is a value of each.
+        let mut asked: kernel::v4l2_exportbuffer = unsafe { zeroed() };
+        (asked.type_, asked.index, asked.flags) = (self.kind, index, OFlags::CLOEXEC.bits());
+        self.call(vidioc::VIDIOC_EXPBUF, &mut asked).ok()?;
+        // SAFETY: the kernel has just opened it for this call, and nobody else has it.
+        (asked.fd >= 0).then(|| unsafe { OwnedFd::from_raw_fd(asked.fd) })
     }
 }
 
 /// Sizes that are tried where a driver offers a whole range.
 const COMMON_SIZES: [[u32; 2]; 4] = [[320, 240], [640, 480], [1280, 720], [1920, 1080]];
 
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
@@ -197,7 +219,7 @@ impl VideoNode for KernelNode {
 
     fn offers(&self) -> io::Result<Vec<Offer>> {
         let mut offers = Vec::new();
-        for index in 0..MOST_LISTED {
+        for index in 0..MOST_FORMATS {
             // SAFETY: plain numbers; zero is a value of each.
             let mut asked: kernel::v4l2_fmtdesc = unsafe { zeroed() };
             (asked.index, asked.type_) = (index, self.kind);
@@ -298,12 +320,16 @@ impl VideoNode for KernelNode {
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(None),
             Err(error) => return Err(error),
         }
-        let used = if self.is_multi_planar() { plane.bytesused } else { buffer.bytesused };
+        let (used, skipped) = match self.is_multi_planar() {
+            true => (plane.bytesused, plane.data_offset),
+            false => (buffer.bytesused, 0),
+        };
         let has = |bits: u32, mask: u32| buffer.flags & mask == bits;
         let time = buffer.timestamp;
         Ok(Some(Filled {
             index: buffer.index as usize,
             used: used as usize,
+            skipped: skipped as usize,
             sequence: buffer.sequence,
             time_ns: time.tv_sec * 1_000_000_000 + time.tv_usec * 1000,
             has_error: has(kernel::V4L2_BUF_FLAG_ERROR, kernel::V4L2_BUF_FLAG_ERROR),
@@ -342,35 +368,78 @@ impl VideoNode for KernelNode {
         Ok(if is_gone { Ready::Gone } else { Ready::Filled })
     }
 
+    fn sensor(&self) -> Option<BehindNode> {
+        sensor::sys::behind(self.number)
+    }
+}
+
+impl ControlNode for KernelNode {
     fn control_facts(&self, id: u32) -> Option<ControlFacts> {
-        // SAFETY: plain numbers; zero is a value of each.
-        let mut asked: kernel::v4l2_queryctrl = unsafe { zeroed() };
-        asked.id = id;
-        self.call(vidioc::VIDIOC_QUERYCTRL, &mut asked).ok()?;
-        let has = |flag: u32| asked.flags & flag != 0;
-        Some(ControlFacts {
-            id,
-            name: text(&asked.name),
-            kind: match asked.type_ {
-                kernel::v4l2_ctrl_type_V4L2_CTRL_TYPE_MENU => ControlKind::Menu,
-                kernel::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN => ControlKind::Switch,
-                _ => ControlKind::Number,
-            },
-            least: asked.minimum,
-            most: asked.maximum,
-            step: asked.step.max(1),
-            default: asked.default_value,
-            can_be_set: !has(kernel::V4L2_CTRL_FLAG_READ_ONLY) && !has(kernel::V4L2_CTRL_FLAG_DISABLED),
-        })
+        control_facts(self.fd(), id)
     }
 
     fn control(&self, id: u32) -> io::Result<i32> {
-        let mut control = kernel::v4l2_control { id, value: 0 };
-        self.call(vidioc::VIDIOC_G_CTRL, &mut control).map(|()| control.value)
+        control(self.fd(), id)
+    }
+
+    fn wide_control(&self, id: u32) -> io::Result<i64> {
+        wide_control(self.fd(), id)
     }
 
     fn set_control(&self, id: u32, value: i32) -> io::Result<i32> {
-        let mut control = kernel::v4l2_control { id, value };
-        self.call(vidioc::VIDIOC_S_CTRL, &mut control).map(|()| control.value)
+        set_control(self.fd(), id, value)
     }
+}
+
+/// Hands the kernel one structure.
+pub(super) fn call<T>(fd: RawFd, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
+    // SAFETY: each caller pairs the request with the structure that its number was made from.
+    unsafe { v4l2::ioctl(fd, request, std::ptr::from_mut(argument).cast()) }
+}
+
+/// The range of a control.
+pub(super) fn control_facts(fd: RawFd, id: u32) -> Option<ControlFacts> {
+    // SAFETY: plain numbers; zero is a value of each.
+    let mut asked: kernel::v4l2_queryctrl = unsafe { zeroed() };
+    asked.id = id;
+    call(fd, vidioc::VIDIOC_QUERYCTRL, &mut asked).ok()?;
+    let has = |flag: u32| asked.flags & flag != 0;
+    Some(ControlFacts {
+        id,
+        name: text(&asked.name),
+        kind: match asked.type_ {
+            kernel::v4l2_ctrl_type_V4L2_CTRL_TYPE_MENU => ControlKind::Menu,
+            kernel::v4l2_ctrl_type_V4L2_CTRL_TYPE_BOOLEAN => ControlKind::Switch,
+            _ => ControlKind::Number,
+        },
+        least: asked.minimum,
+        most: asked.maximum,
+        step: asked.step.max(1),
+        default: asked.default_value,
+        can_be_set: !has(kernel::V4L2_CTRL_FLAG_READ_ONLY) && !has(kernel::V4L2_CTRL_FLAG_DISABLED),
+    })
+}
+
+/// The value of a control.
+pub(super) fn control(fd: RawFd, id: u32) -> io::Result<i32> {
+    let mut control = kernel::v4l2_control { id, value: 0 };
+    call(fd, vidioc::VIDIOC_G_CTRL, &mut control).map(|()| control.value)
+}
+
+/// The value of a control of 64 bits.
+pub(super) fn wide_control(fd: RawFd, id: u32) -> io::Result<i64> {
+    // SAFETY: plain numbers and unions of numbers and pointers; zero is a value of each.
+    let (mut one, mut all): (kernel::v4l2_ext_control, kernel::v4l2_ext_controls) =
+        unsafe { (zeroed(), zeroed()) };
+    one.id = id;
+    (all.count, all.controls) = (1, std::ptr::from_mut(&mut one));
+    call(fd, vidioc::VIDIOC_G_EXT_CTRLS, &mut all)?;
+    // SAFETY: callers ask for controls of 64 bits, for which this part of the union is filled; it is 0 for others.
+    Ok(unsafe { one.__bindgen_anon_1.value64 })
+}
+
+/// Writes a control; returns what was taken.
+pub(super) fn set_control(fd: RawFd, id: u32, value: i32) -> io::Result<i32> {
+    let mut control = kernel::v4l2_control { id, value };
+    call(fd, vidioc::VIDIOC_S_CTRL, &mut control).map(|()| control.value)
 }

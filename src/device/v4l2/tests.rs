@@ -1,6 +1,7 @@
 use super::control::id;
 use super::node::{
-    ControlFacts, ControlKind, Filled, FrameRates, Granted, NodeFacts, Offer, Ready, VideoNode,
+    BehindNode, ControlFacts, ControlKind, ControlNode, Filled, FrameRates, Granted, NodeFacts, Offer, Ready,
+    VideoNode,
 };
 use super::*;
 use crate::ErrorKind;
@@ -31,6 +32,7 @@ struct Kernel {
     is_running: bool,
     /// Buffers that were handed over twice.
     mistakes: usize,
+    sensor: Option<FakeNode>,
 }
 
 #[derive(Clone)]
@@ -125,26 +127,57 @@ impl VideoNode for FakeNode {
         }
     }
 
+    fn sensor(&self) -> Option<BehindNode> {
+        let sensor = self.0.lock().unwrap().sensor.clone()?;
+        Some(BehindNode { name: "fake sensor".into(), size: [640, 480], controls: Box::new(sensor) })
+    }
+}
+
+impl ControlNode for FakeNode {
     fn control_facts(&self, id: u32) -> Option<ControlFacts> {
         self.0.lock().unwrap().controls.get(&id).map(|(facts, _)| facts.clone())
     }
 
     fn control(&self, id: u32) -> io::Result<i32> {
-        Ok(self.value(id))
+        let kernel = self.0.lock().unwrap();
+        kernel.controls.get(&id).map(|(_, held)| *held).ok_or_else(|| io::Error::from_raw_os_error(22))
+    }
+
+    fn wide_control(&self, id: u32) -> io::Result<i64> {
+        self.control(id).map(i64::from)
     }
 
     /// As UVC's driver: clamps, and refuses an exposure while the camera chooses it.
     fn set_control(&self, id: u32, value: i32) -> io::Result<i32> {
         let mut kernel = self.0.lock().unwrap();
-        if id == id::EXPOSURE && kernel.controls[&id::AUTO_EXPOSURE].1 != 1 {
+        if id == id::EXPOSURE && kernel.controls.get(&id::AUTO_EXPOSURE).is_some_and(|c| c.1 != 1) {
             return Err(io::Error::from_raw_os_error(13));
         }
         let Some((facts, held)) = kernel.controls.get_mut(&id) else {
             return Err(io::Error::from_raw_os_error(22));
         };
         *held = value.clamp(facts.least, facts.most);
-        Ok(*held)
+        let taken = *held;
+        // As a sensor's driver: the longest exposure is a frame less four lines.
+        if id == id::BETWEEN_FRAMES
+            && let Some((lines, _)) = kernel.controls.get_mut(&id::LINES)
+        {
+            lines.most = 480 + taken - 4;
+        }
+        Ok(taken)
     }
+}
+
+/// Controls of a raw sensor: lines of 10 microseconds, a gain that is a code, a pause that makes 100 frames a second.
+fn raw_sensor() -> FakeNode {
+    let sensor = FakeNode(Arc::default());
+    sensor.add(id::LINES, ControlKind::Number, [4, 996, 1], 800);
+    sensor.add(id::BETWEEN_FRAMES, ControlKind::Number, [20, 60_000, 1], 520);
+    sensor.add(id::BETWEEN_LINES, ControlKind::Number, [360, 360, 1], 360);
+    sensor.add(id::PIXEL_RATE, ControlKind::Number, [100_000_000, 100_000_000, 1], 100_000_000);
+    sensor.add(id::ANALOGUE_GAIN, ControlKind::Number, [0, 232, 1], 0);
+    sensor.set_control(id::ANALOGUE_GAIN, 128).unwrap();
+    sensor
 }
 
 fn started(node: &FakeNode) -> V4l2Camera<FakeNode> {
@@ -268,5 +301,46 @@ proptest! {
         let kernel = node.0.lock().unwrap();
         prop_assert_eq!(kernel.mistakes, 0);
         prop_assert!(kernel.queued.len() >= 3);
+    }
+}
+
+#[test]
+fn the_sensor_behind_a_node_is_exposed_in_lines() {
+    let (node, sensor) = (FakeNode(Arc::default()), raw_sensor());
+    node.0.lock().unwrap().sensor = Some(sensor.clone());
+    let mut camera = started(&node);
+    // 30 frames a second are 3333 lines.
+    assert_eq!(sensor.value(id::BETWEEN_FRAMES), 3333 - 480);
+    // A gain that is a code stays at the driver's choice.
+    assert_eq!(sensor.value(id::ANALOGUE_GAIN), 0);
+    let limits = camera.exposure_limits().unwrap();
+    assert!(
+        (limits.shortest_s - 4e-5).abs() < 1e-9 && (limits.longest_s - 0.03329).abs() < 1e-9,
+        "{limits:?}"
+    );
+    let taken = camera.write_exposure(Exposure { time_s: 0.012_345, gain: 2.0 }).unwrap();
+    assert!((taken.time_s - 0.01235).abs() < 1e-9 && taken.gain == 1.0, "{taken:?}");
+    assert_eq!(sensor.value(id::LINES), 1235);
+    drop(camera);
+    let left = [id::LINES, id::BETWEEN_FRAMES, id::ANALOGUE_GAIN].map(|id| sensor.value(id));
+    assert_eq!(left, [800, 520, 128]);
+}
+
+#[test]
+fn a_node_with_its_sensor_s_controls_needs_no_sub_device() {
+    let node = raw_sensor();
+    let mut camera = started(&node);
+    // Its own pictures are 320 columns wide: a line takes 6.8 microseconds.
+    let taken = camera.write_exposure(Exposure { time_s: 0.0068, gain: 1.0 }).unwrap();
+    assert!((taken.time_s - 0.0068).abs() < 1e-9, "{taken:?}");
+    assert_eq!(node.value(id::LINES), 1000);
+}
+
+#[test]
+fn a_sensor_that_does_not_say_how_long_a_line_is_cannot_be_exposed() {
+    for missing in [id::PIXEL_RATE, id::BETWEEN_LINES, id::LINES] {
+        let node = raw_sensor();
+        node.0.lock().unwrap().controls.remove(&missing);
+        assert!(!started(&node).can_be_written(), "{missing:x}");
     }
 }

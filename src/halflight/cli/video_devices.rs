@@ -20,6 +20,8 @@ pub struct ListedCamera {
     node: FoundNode,
     offers: Vec<Offer>,
     controls: Vec<(ControlFacts, Option<i32>)>,
+    /// The name of the sensor that a media controller has behind it.
+    sensor: Option<String>,
 }
 
 /// What was found: cameras, and nodes that could not be looked at with the reason.
@@ -66,8 +68,15 @@ impl ListedCameras {
             missing: machine.missing(path, RightOf::Video),
         };
         for node in found.cameras {
-            match KernelNode::open(&node.path).and_then(|open| Ok((open.offers()?, control::listed(&open)))) {
-                Ok((offers, controls)) => listed.cameras.push(ListedCamera { node, offers, controls }),
+            match KernelNode::open(&node.path).and_then(|open| Ok((open.offers()?, open))) {
+                Ok((offers, open)) => {
+                    let mut controls = control::listed(&open);
+                    let sensor = open.sensor().map(|sensor| {
+                        controls.extend(control::listed(sensor.controls.as_ref()));
+                        sensor.name
+                    });
+                    listed.cameras.push(ListedCamera { node, offers, controls, sensor });
+                }
                 Err(error) => listed.refused.push(refused(&node.path, error.to_string())),
             }
         }
@@ -170,13 +179,16 @@ impl ListedCamera {
         let facts = &self.node.facts;
         json!({
             "path": self.node.path.display().to_string(), "usable": chosen.is_some(), "card": facts.card,
-            "driver": facts.driver, "bus": facts.bus, "offers": offers, "controls": controls,
+            "driver": facts.driver, "bus": facts.bus, "sensor": self.sensor, "offers": offers, "controls": controls,
         })
     }
 
     fn print(&self) {
         let facts = &self.node.facts;
         println!("  v4l2:{}  {} ({}, {})", self.node.path.display(), facts.card, facts.driver, facts.bus);
+        if let Some(sensor) = &self.sensor {
+            println!("    sensor behind it: {sensor}");
+        }
         let chosen = self.chosen();
         for offer in &self.offers {
             let points = format::score(offer, &FormatWish::default());
@@ -202,7 +214,8 @@ impl ListedCamera {
                 c.name, c.least, c.most, c.step, c.default
             );
         }
-        if !self.controls.iter().any(|(c, _)| c.id == control::id::EXPOSURE) {
+        let is_exposure = |id: u32| matches!(id, control::id::EXPOSURE | control::id::LINES);
+        if !self.controls.iter().any(|(c, _)| is_exposure(c.id)) {
             println!("    its exposure cannot be set: no brackets");
         }
     }

@@ -62,6 +62,7 @@ impl Control {
             ["serial", rest @ ..] => self.serial(rest),
             ["host", "replay", file, frames] => self.host.replay(file, frames),
             ["host", "pictures", file] => self.host.pictures(file),
+            ["host", "alike", one, other] => self.host.alike(one, other),
             ["host", "forces", file] => self.host.forces(file),
             ["host", "attributions", file] => self.host.attributions(file, &locked(&self.camera)),
             _ => Err(format!("nobody knows \"{}\"", words.join(" "))),

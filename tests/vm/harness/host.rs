@@ -83,6 +83,26 @@ impl Host {
         if count == 0 { Err(format!("{file} lists no frame")) } else { Ok(count.to_string()) }
     }
 
+    /// How far the first pictures of two shared recordings differ in the mean, 8-bit values, in their lowest fifth: the kernel's
+    /// test camera writes text above.
+    pub fn alike(&self, one: &str, other: &str) -> Answer {
+        let first = |file: &str| -> Result<_, String> {
+            let options =
+                ReplayOptions::parse(&self.share.join(file).to_string_lossy()).map_err(|e| e.to_string())?;
+            let (mut source, _) = replay::open(&options).map_err(|e| e.to_string())?;
+            Ok(source.next(Timestamp::NEVER).map_err(|e| format!("{file}: {e}"))?.pixels)
+        };
+        let (one, other) = (first(one)?, first(other)?);
+        if (one.width(), one.height()) != (other.width(), other.height()) {
+            return Err(format!("{}x{} and {}x{}", one.width(), one.height(), other.width(), other.height()));
+        }
+        let lowest = one.height() - one.height() / 5;
+        let from = 3 * one.width() * lowest;
+        let [one, other] = [&one, &other].map(|picture| &picture.pixels().as_flattened()[from..]);
+        let sum: u64 = one.iter().zip(other).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        Ok(format!("{}", sum / one.len().max(1) as u64))
+    }
+
     /// Holds the inertial samples of a recording against what the sensor on the serial line sent: each follows the one before.
     pub fn forces(&self, file: &str) -> Answer {
         let options =

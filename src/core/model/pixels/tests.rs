@@ -131,3 +131,13 @@ fn buffers_go_back_to_their_owner_when_the_last_holder_lets_go() {
     drop(pool);
     assert_eq!(held.bytes(), [9; 4]);
 }
+
+#[test]
+fn what_a_driver_wrote_before_the_picture_is_left_out() {
+    let layout = PixelLayout::packed(PixelFormat::Grey, 3, 2);
+    let held: Arc<dyn PixelMemory> = Arc::new((0u8..10).collect::<Vec<u8>>());
+    let pixels = |skipped| FramePixels::new(layout, Arc::clone(&held), 9).unwrap().after(skipped);
+    assert_eq!((pixels(0).unwrap().row(1), pixels(3).unwrap().row(1)), (&[3, 4, 5][..], &[6, 7, 8][..]));
+    assert!(pixels(4).is_err() && pixels(usize::MAX).is_err());
+    assert!(pixels(2).unwrap().after(2).is_err());
+}

@@ -116,7 +116,7 @@ fn stated_exposures_follow_the_scene() {
         let camera = camera_with(StatingCamera::new(SlowCamera::new(3, false)), stated);
         let mut camera = camera.replanning(Some(Replan { mains: None }));
         camera.set_exposures(&cycle()).unwrap();
-        let mut spread = |camera: &mut BracketedCamera<StatingCamera>| {
+        let spread = |camera: &mut BracketedCamera<StatingCamera>| {
             let times: Vec<f64> =
                 (0..200).map(|_| camera.next(Timestamp::NEVER).unwrap().exposure.time_s).collect();
             let mut newest = times[190..].to_vec();
