@@ -114,7 +114,7 @@ test-vm: tools-build tools-vm
 
 # What is cut short in `make test`, whole: a million simulated frames of a bracket, a hundred response curves, ten thousand losses.
 soak: tools-build
-	HALFLIGHT_SOAK=1 cargo test --locked -p halflight-device --lib $(FEATURES:libcamera=halflight-device/libcamera) -- --nocapture soak whatever_the_response
+	HALFLIGHT_SOAK=1 cargo test --locked -p halflight-device --lib $(FEATURES) -- --nocapture soak whatever_the_response
 	HALFLIGHT_SOAK=1 cargo test --locked --test lost_devices --test lost_camera --test long_run $(FEATURES) -- --nocapture
 
 fuzz: tools-build

@@ -3,6 +3,7 @@
 
 #[path = "support/json_schema.rs"]
 mod json_schema;
+mod support;
 
 use glam::{DQuat, DVec2, DVec3};
 use halflight::assets::{calibration, pictures};
@@ -22,8 +23,8 @@ const QUARTER: [(usize, usize); 9] = [(1, 1), (2, 1), (3, 1), (4, 1), (5, 1), (2
 struct Folder(PathBuf);
 
 impl Folder {
-    fn new() -> Self {
-        let folder = std::env::temp_dir().join(format!("halflight-calibrate-{}", std::process::id()));
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("halflight-calibrate-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         Self(folder)
     }
@@ -52,7 +53,15 @@ fn cells(id: usize) -> [[bool; 8]; 8] {
     cells
 }
 
-/// Light of a place of the board: white, but for the black of its tags.
+/// Light of a place of a chessboard of 10 x 7 squares of 30 mm with white around it.
+fn chess_light(on_board: DVec2) -> f64 {
+    let cell = on_board / 0.03;
+    let is_square = (-1.0..9.0).contains(&cell.x) && (-1.0..6.0).contains(&cell.y);
+    let is_black = is_square && (cell.x.floor() + cell.y.floor()).rem_euclid(2.0) == 0.0;
+    if is_black { 0.03 } else { 0.8 }
+}
+
+/// Light of a place of the board of tags: white, but for the black of its tags.
 fn light(on_board: DVec2, tags: &[[[bool; 8]; 8]; 3]) -> f64 {
     let pitch = GRID.size_m * (1.0 + GRID.spacing);
     let (column, x) = ((on_board.x / pitch).floor(), on_board.x.rem_euclid(pitch) / GRID.size_m);
@@ -63,15 +72,14 @@ fn light(on_board: DVec2, tags: &[[[bool; 8]; 8]; 3]) -> f64 {
     if is_white { 0.8 } else { 0.03 }
 }
 
-/// A view of the board, 3 x 3 samples a pixel.
-fn draw(lens: &Lens, camera_from_board: &Pose) -> Rgb8Image {
+/// A view of a board, 3 x 3 samples a pixel.
+fn draw(lens: &Lens, camera_from_board: &Pose, light: impl Fn(DVec2) -> f64) -> Rgb8Image {
     let board_from_camera = camera_from_board.inverse();
     let origin = board_from_camera.translation;
-    let tags = [0, 1, 2].map(cells);
     let seen = |pixel: DVec2| {
         let direction = board_from_camera.rotate(lens.unproject(pixel).unwrap());
         let place = origin - direction * (origin.z / direction.z);
-        light(place.truncate(), &tags)
+        light(place.truncate())
     };
     let (width, height) = (lens.width as usize, lens.height as usize);
     let pixels = (0..width * height).map(|i| {
@@ -84,19 +92,8 @@ fn draw(lens: &Lens, camera_from_board: &Pose) -> Rgb8Image {
     Rgb8Image::from_pixels(width, height, pixels.collect()).unwrap()
 }
 
-fn calibrate(arguments: &[String]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_halflight"))
-        .args(["calibrate", "camera"])
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-#[test]
-fn pictures_of_a_board_give_the_lens_that_drew_them() {
-    let folder = Folder::new();
-    let lens = Lens::pinhole(480, 360, 400.0, 404.0, 246.0, 174.0);
-    let middle = DVec3::new(0.5 * GRID.size_m * (3.0 + 2.0 * GRID.spacing), 0.5 * GRID.size_m, 0.0);
+/// A dozen views of a board about its middle, as files.
+fn draw_views(folder: &Folder, lens: &Lens, middle: DVec3, light: impl Fn(DVec2) -> f64) -> Vec<String> {
     let facing = DQuat::from_rotation_x(std::f64::consts::PI);
     let mut files = Vec::new();
     for k in 0..12 {
@@ -107,10 +104,28 @@ fn pictures_of_a_board_give_the_lens_that_drew_them() {
         let rotation = roll * turn;
         let place = DVec3::new(0.05 * (1.7 * angle).cos(), 0.04 * (1.3 * angle).sin(), 0.48);
         let file = folder.at(&format!("board-{k:02}.png"));
-        let picture = draw(&lens, &Pose::new(rotation, place - rotation * middle));
+        let picture = draw(lens, &Pose::new(rotation, place - rotation * middle), &light);
         pictures::save_png(Path::new(&file), &picture).unwrap();
         files.push(file);
     }
+    files
+}
+
+fn calibrate(arguments: &[String]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_halflight"))
+        .args(["calibrate", "camera"])
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn pictures_of_a_board_give_the_lens_that_drew_them() {
+    let folder = Folder::new("tags");
+    let lens = Lens::pinhole(480, 360, 400.0, 404.0, 246.0, 174.0);
+    let middle = DVec3::new(0.5 * GRID.size_m * (3.0 + 2.0 * GRID.spacing), 0.5 * GRID.size_m, 0.0);
+    let tags = [0, 1, 2].map(cells);
+    let files = draw_views(&folder, &lens, middle, |place| light(place, &tags));
     let out = folder.at("lens.yml");
     let with = |files: &[String], more: &[&str]| {
         let more = more.iter().map(|s| (*s).to_owned());
@@ -146,4 +161,63 @@ fn pictures_of_a_board_give_the_lens_that_drew_them() {
     let printed = calibrate(&with(&files, &["--force"]));
     let text = String::from_utf8_lossy(&printed.stdout);
     assert!(printed.status.success() && text.contains("reprojection rms") && text.contains("+-"), "{text}");
+}
+
+/// Calibrates from files; the lens, and what was told of it.
+fn lens_of(files: &[String], board: &str, out: &str) -> (Lens, Value) {
+    let ends = ["--board", board, "--out", out, "--json"].map(str::to_owned);
+    let done = calibrate(&[files, &ends].concat());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let told: Value = serde_json::from_slice(&done.stdout).unwrap();
+    (calibration::load(Path::new(out)).unwrap(), told)
+}
+
+#[test]
+fn a_chessboard_gives_the_lens_that_drew_it() {
+    let folder = Folder::new("chess");
+    let lens = Lens::pinhole(480, 360, 400.0, 404.0, 246.0, 174.0);
+    let files = draw_views(&folder, &lens, DVec3::new(0.12, 0.075, 0.0), chess_light);
+    let (found, told) = lens_of(&files, "chessboard:9x6,size=0.03", &folder.at("lens.yml"));
+    println!("{told}");
+    assert!(told["rms_px"].as_f64().unwrap() < 0.1, "{told}");
+    for (name, ours, truth) in [
+        ("fx", found.fx, lens.fx),
+        ("fy", found.fy, lens.fy),
+        ("cx", found.cx, lens.cx),
+        ("cy", found.cy, lens.cy),
+    ] {
+        let sigma = told[format!("{name}_sigma_px")].as_f64().unwrap();
+        assert!(
+            sigma < 0.5 && (ours - truth).abs() < 3.5 * sigma,
+            "{name}: {ours}, not {truth}; sigma {sigma}"
+        );
+    }
+    // A smaller board is not this one.
+    let ends = ["--board", "chessboard:5x4,size=0.03", "--out", &folder.at("other.yml")].map(str::to_owned);
+    assert_eq!(calibrate(&[files.as_slice(), &ends].concat()).status.code(), Some(2));
+}
+
+/// Against what OpenCV found on its own pictures. Its file has one view with 1.18 px, ours leaves such corners out.
+#[test]
+fn photographs_of_a_chessboard_give_the_lens_that_opencv_finds() {
+    let name = "photographs_of_a_chessboard_give_the_lens_that_opencv_finds";
+    let Some(shared) = support::shared(name) else { return };
+    let calib = shared.join("data/calib/opencv_chess");
+    let theirs = calibration::load(&calib.join("left_intrinsics.yml")).unwrap();
+    let numbers = [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14];
+    let files: Vec<String> =
+        numbers.iter().map(|k| calib.join(format!("left{k:02}.jpg")).display().to_string()).collect();
+    let folder = Folder::new("photographs");
+    let (found, told) = lens_of(&files, "chessboard:9x6,size=0.025", &folder.at("lens.yml"));
+    println!("{told} and theirs {theirs:?}");
+    assert!(told["rms_px"].as_f64().unwrap() < 0.3926, "{told}: OpenCV's own rms is 0.3926 px");
+    // Where a pixel in the picture looks to, by both lenses.
+    for x in [100.0, 320.0, 540.0] {
+        for y in [80.0, 240.0, 400.0] {
+            let ours = found.unproject(DVec2::new(x, y)).unwrap();
+            let there = theirs.project(ours).unwrap();
+            println!("{x} {y}: {}", there - DVec2::new(x, y));
+            assert!((there - DVec2::new(x, y)).length() < 4.0, "{x} {y}: {there}");
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! A lens from views of a flat board whose points are known: Zhang's closed form for a start (Z. Zhang, "A Flexible New Technique
 //! for Camera Calibration", PAMI 2000), then all views and the lens at once by least squares.
 
+pub mod corner;
 mod fit;
 mod start;
 

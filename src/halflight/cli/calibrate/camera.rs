@@ -1,21 +1,17 @@
 //! `halflight calibrate camera`.
 
+use super::board::{BoardFinder, CalibrationBoard};
 use crate::assets::{calibration, pictures};
-use crate::calibrate::{AprilGrid, BoardPoint, CalibratedLens, DistortionKind, LEAST_POINTS, calibrate};
+use crate::calibrate::{BoardPoint, CalibratedLens, DistortionKind, LEAST_POINTS, calibrate};
 use crate::cli::output::{shown, write_file};
 use crate::cli::progress::Bar;
 use crate::cli::run_folder::{need_folder_of, refuse_existing};
 use crate::cli::{CliError, GlobalOptions, JSON_FORMAT};
 use crate::math::lens::Distortion;
 use crate::model::image::Image;
-use crate::track::tag::{TagDetection, TagDetector, TagOptions, gray_of};
+use crate::track::tag::gray_of;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-
-/// What `--board` may say.
-const BOARD: &str = "apriltag:COLUMNSxROWS,size=METRES,spacing=GAP, e.g. apriltag:6x6,size=0.088,spacing=0.3";
-/// Most tags of a side; the family has 587.
-const MOST_TAGS: u32 = 587;
 
 /// Arguments of `halflight calibrate camera`.
 #[derive(clap::Args, Debug)]
@@ -23,8 +19,9 @@ pub struct CameraArguments {
     /// Pictures of the board (PNG or JPEG, as the camera gave them, of one size): tilted to all sides, into all corners.
     #[arg(required = true)]
     pictures: Vec<PathBuf>,
-    /// The board: a grid of tag36h11 tags as Kalibr lays it out, tag 0 at the lower left; side of a tag's black square in metres,
-    /// gap as a share of it. Black borders of one cell.
+    /// The board. apriltag: = a grid of tag36h11 tags as Kalibr lays it out, tag 0 at the lower left; side of a tag's black square
+    /// in metres, gap as a share of it, black borders of one cell. chessboard:9x6,size=0.025 = squares with so many corners inside,
+    /// side of a square in metres; a part of the board is enough.
     #[arg(long, value_name = "apriltag:6x6,size=0.088,spacing=0.3")]
     board: String,
     /// Solve for a fisheye (equidistant, k1 to k4) in place of k1 k2 p1 p2 k3.
@@ -40,7 +37,7 @@ pub struct CameraArguments {
 
 /// Runs `halflight calibrate camera`.
 pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
-    let board = board_of(&a.board)?;
+    let board = CalibrationBoard::parse(&a.board)?;
     need_folder_of(&a.out)?;
     refuse_existing(&a.out, a.force)?;
     let (views, size) = views_of(&a.pictures, &board)?;
@@ -65,42 +62,12 @@ pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Reads `--board`.
-fn board_of(text: &str) -> Result<AprilGrid, CliError> {
-    let wrong = |what: String| CliError::on(format!("--board {text}"), format!("{what}: must be {BOARD}"));
-    let rest = text.strip_prefix("apriltag:").ok_or_else(|| wrong("an unknown board".into()))?;
-    let mut parts = rest.split(',');
-    let sides = parts.next().and_then(|sides| sides.split_once('x'));
-    let (columns, rows) = sides
-        .and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)))
-        .ok_or_else(|| wrong("no grid".into()))?;
-    let mut board = AprilGrid { columns, rows, size_m: 0.0, spacing: f64::NAN };
-    for part in parts {
-        let number = |text: &str| text.parse::<f64>().map_err(|_e| wrong(format!("\"{part}\"")));
-        match part.split_once('=') {
-            Some(("size", text)) => board.size_m = number(text)?,
-            Some(("spacing", text)) => board.spacing = number(text)?,
-            _ => return Err(wrong(format!("\"{part}\""))),
-        }
-    }
-    if columns == 0 || rows == 0 || columns.checked_mul(rows).is_none_or(|tags| tags > MOST_TAGS) {
-        return Err(wrong(format!("{columns} x {rows} tags: 1 to {MOST_TAGS} of them")));
-    }
-    if !(0.001..=10.0).contains(&board.size_m) {
-        return Err(wrong(format!("size = {}: 0.001 to 10 metres", board.size_m)));
-    }
-    if !(0.0..=10.0).contains(&board.spacing) {
-        return Err(wrong(format!("spacing = {}: 0 to 10 sides of a tag", board.spacing)));
-    }
-    Ok(board)
-}
-
 /// The points of the board in each picture, and the size of the pictures.
 type SeenBoards = (Vec<Vec<BoardPoint>>, (u32, u32));
 
-fn views_of(files: &[PathBuf], board: &AprilGrid) -> Result<SeenBoards, CliError> {
-    let mut detector = TagDetector::new(TagOptions::thorough())?;
-    let (mut gray, mut tags) = (Image::default(), Vec::new());
+fn views_of(files: &[PathBuf], board: &CalibrationBoard) -> Result<SeenBoards, CliError> {
+    let mut finder = BoardFinder::new(board)?;
+    let mut gray = Image::default();
     let (mut views, mut size) = (Vec::new(), None);
     let bar = Bar::of_count(Some(files.len() as u64), "pictures");
     for file in files {
@@ -112,23 +79,11 @@ fn views_of(files: &[PathBuf], board: &AprilGrid) -> Result<SeenBoards, CliError
             return Err(CliError::on(file.display(), why));
         }
         gray_of(&picture, &mut gray);
-        tags.clear();
-        detector.detect(&gray, None, &mut tags).map_err(|e| CliError::on(file.display(), e))?;
-        views.push(points_of(&tags, board));
+        views.push(finder.points(&gray).map_err(|e| CliError::on(file.display(), e))?);
         bar.add_one();
     }
     let (width, height) = size.unwrap_or_default();
     Ok((views, (width as u32, height as u32)))
-}
-
-/// Corners of the board's tags; a tag that is seen twice is none.
-fn points_of(tags: &[TagDetection], board: &AprilGrid) -> Vec<BoardPoint> {
-    let is_one = |tag: &&TagDetection| tags.iter().filter(|other| other.id == tag.id).count() == 1;
-    let corners = tags.iter().filter(is_one).filter_map(|tag| Some((board.corners(tag.id)?, tag.corners_px)));
-    corners
-        .flat_map(|(on_board, pixels)| on_board.into_iter().zip(pixels))
-        .map(|(on_board, pixel)| BoardPoint { on_board, pixel })
-        .collect()
 }
 
 /// Pictures that show too little of the board.
@@ -187,29 +142,5 @@ fn print(a: &CameraArguments, found: &CalibratedLens, views: &[Vec<BoardPoint>])
     println!("the board was seen in {:.0} % of the picture", 100.0 * found.coverage);
     if found.outliers > 0 {
         println!("{} corners fit nothing and were left out", found.outliers);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boards_are_read_and_mistakes_say_what_is_allowed() {
-        let board = board_of("apriltag:6x5,size=0.088,spacing=0.3").unwrap();
-        assert_eq!(board, AprilGrid { columns: 6, rows: 5, size_m: 0.088, spacing: 0.3 });
-        for (text, said) in [
-            ("chess:6x6", "an unknown board"),
-            ("apriltag:6,size=1", "no grid"),
-            ("apriltag:6x0,size=0.1,spacing=0.3", "6 x 0 tags"),
-            ("apriltag:60x60,size=0.1,spacing=0.3", "1 to 587"),
-            ("apriltag:6x6,spacing=0.3", "size = 0"),
-            ("apriltag:6x6,size=0.1", "spacing = NaN"),
-            ("apriltag:6x6,size=x,spacing=0.3", "\"size=x\""),
-            ("apriltag:6x6,side=1", "\"side=1\""),
-        ] {
-            let error = board_of(text).unwrap_err().to_string();
-            assert!(error.contains(said) && error.contains("e.g. apriltag:6x6"), "{text}: {error}");
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! `halflight calibrate`: what a rig file needs to know of a camera.
 
+mod board;
 mod camera;
 mod latency;
 mod response;
