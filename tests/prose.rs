@@ -155,6 +155,40 @@ fn every_test_file_is_in_the_list() {
     assert_none("tests/README.md lists no file that is not there", gone);
 }
 
+/// How often each test file is in a program: named by `Cargo.toml`, or by a program that holds several.
+fn times_in_programs<'a>(programs: &str, files: impl Iterator<Item = &'a str>) -> Vec<(&'a str, usize)> {
+    let times = |file: &str| {
+        programs.matches(&format!("\"tests/{file}\"")).count()
+            + programs.matches(&format!("\"../{file}\"")).count()
+    };
+    files.map(|file| (file, times(file))).collect()
+}
+
+#[test]
+fn every_test_file_is_in_one_program() {
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).expect("it is there");
+    let files_in = |folder: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(root().join(folder)).expect("it is there").flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.ends_with(".rs")).collect()
+    };
+    let mut programs = read("Cargo.toml");
+    let groups: Vec<String> =
+        files_in("tests/programs").into_iter().map(|name| format!("programs/{name}")).collect();
+    groups.iter().for_each(|name| programs += &read(&format!("tests/{name}")));
+    let files = files_in("tests");
+    assert!(files.len() > 50 && groups.len() > 2, "{files:?} {groups:?}");
+    let wrong = times_in_programs(&programs, files.iter().chain(&groups).map(String::as_str))
+        .into_iter()
+        .filter(|(_, times)| *times != 1)
+        .map(|(file, times)| format!("tests/{file}: in {times} programs"))
+        .collect();
+    assert_none(
+        "each test file is in one program: `[[test]]` in Cargo.toml, or a file of tests/programs",
+        wrong,
+    );
+}
+
 #[test]
 fn the_table_of_wanted_figures_is_sound() {
     let (mut found, mut ids) = (Vec::new(), BTreeSet::new());
@@ -235,6 +269,13 @@ mod rules {
         {
             assert!(figures_for_figures("a", text).is_empty(), "{text}");
         }
+    }
+
+    #[test]
+    fn files_in_no_program_or_in_two_are_found() {
+        let programs = "path = \"tests/a.rs\"\n#[path = \"../b.rs\"]\npath = \"tests/b.rs\"";
+        let times = times_in_programs(programs, ["a.rs", "b.rs", "c.rs"].into_iter());
+        assert_eq!(times, [("a.rs", 1), ("b.rs", 2), ("c.rs", 0)]);
     }
 
     #[test]

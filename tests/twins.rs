@@ -331,45 +331,31 @@ fn drawing_matches(mut engine: GpuEngine, cpu: &mut CpuEngine) -> GpuEngine {
     engine.with_cpu_kernels(&[]).expect("no kernel")
 }
 
-/// Frames that are drawn ahead are the same pictures, one call later; a frame without display bytes in between breaks nothing.
-fn ahead_matches(engine: &mut GpuEngine) {
+/// Linear radiance is there where it is asked for, and changes no display; nor does a frame without display bytes in between.
+fn asked_for_alone(engine: &mut GpuEngine) {
     let mut shots: Vec<Shot> = (0..4).map(|_| Shot::new(Distortion::None, 1)).collect();
     for (k, shot) in shots.iter_mut().enumerate() {
         let eye = DVec3::new(0.3 - 0.1 * k as f64, -0.6, 0.5);
         shot.pose = Pose::look_at(eye, DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
     }
     shots[2].plan.passes.retain(|planned| planned.pass != Pass::Tonemap);
-    let input_of = |k: usize| RelightInput { t: Timestamp(k as i64), ..shots[k].input() };
-    for linear in [false, true] {
-        engine.ask_for_linear(linear);
+    let mut draw_all = |wants_linear: bool| -> Vec<Picture> {
+        engine.ask_for_linear(wants_linear);
         engine.load_scene(&scene()).expect("a sound scene");
-        let one_by_one: Vec<Picture> = (0..shots.len())
-            .map(|k| {
-                let mut out = Picture::default();
-                engine.relight(&shots[k].plan, &input_of(k), &mut out).expect("a sound frame");
-                out
-            })
-            .collect();
-        assert!(one_by_one.iter().all(|picture| picture.radiance.pixels().is_empty() != linear));
-        assert!(one_by_one[0].display != one_by_one[1].display, "the camera moves");
-        let (mut ahead, mut out) = (Vec::new(), Picture::default());
-        for k in 0..shots.len() {
-            let is_there =
-                engine.relight_ahead(&shots[k].plan, &input_of(k), &mut out).expect("a sound frame");
-            assert_eq!(is_there, k > 0, "one call later");
-            if is_there {
-                ahead.push(out.clone());
-            }
-        }
-        assert!(engine.take_waiting(&mut out).expect("a sound frame"));
-        ahead.push(out.clone());
-        assert!(!engine.take_waiting(&mut out).expect("nothing to do"), "each is handed out once");
-        for (k, (ahead, one)) in ahead.iter().zip(&one_by_one).enumerate() {
-            assert_eq!(ahead.t, Timestamp(k as i64));
-            assert!(ahead.radiance == one.radiance, "frame {k}, linear {linear}");
-            // Without tone mapping the display is whatever was there.
-            assert!(k == 2 || ahead.display == one.display, "frame {k}, linear {linear}");
-        }
+        let draw = |(k, shot): (usize, &Shot)| {
+            let mut out = Picture::default();
+            let input = RelightInput { t: Timestamp(k as i64), ..shot.input() };
+            engine.relight(&shot.plan, &input, &mut out).expect("a sound frame");
+            assert_eq!(out.t, Timestamp(k as i64));
+            assert!(out.radiance.pixels().is_empty() != wants_linear, "frame {k}");
+            out
+        };
+        shots.iter().enumerate().map(draw).collect()
+    };
+    let (without, with) = (draw_all(false), draw_all(true));
+    assert!(with[0].display != with[1].display, "the camera moves");
+    for (k, (without, with)) in without.iter().zip(&with).enumerate() {
+        assert!(without.display == with.display, "frame {k}");
     }
 }
 
@@ -422,7 +408,7 @@ fn all_kernels(backend: Backend) {
     let mut cpu = CpuEngine::new(None).expect("threads");
     engine = ball_matches(engine);
     engine = drawing_matches(engine, &mut cpu);
-    ahead_matches(&mut engine);
+    asked_for_alone(&mut engine);
     engine = timings_change_nothing(engine);
     let mut timings = Vec::new();
     engine.take_timings(&mut timings);

@@ -21,19 +21,12 @@ struct Way {
     name: &'static str,
     timings: Timings,
     linear: bool,
-    ahead: bool,
 }
 
-const WAYS: [Way; 4] = [
-    Way { name: "fenced, linear radiance read back", timings: Timings::Fenced, linear: true, ahead: false },
-    Way { name: "stamps, linear radiance read back", timings: Timings::Stamps, linear: true, ahead: false },
-    Way { name: "stamps, display alone", timings: Timings::Stamps, linear: false, ahead: false },
-    Way {
-        name: "stamps, display alone, one frame ahead",
-        timings: Timings::Stamps,
-        linear: false,
-        ahead: true,
-    },
+const WAYS: [Way; 3] = [
+    Way { name: "fenced, linear radiance read back", timings: Timings::Fenced, linear: true },
+    Way { name: "stamps, linear radiance read back", timings: Timings::Stamps, linear: true },
+    Way { name: "stamps, display alone", timings: Timings::Stamps, linear: false },
 ];
 
 fn frames_a_second(frame: &Frame, engine: &mut GpuEngine, way: &Way) -> f64 {
@@ -48,13 +41,8 @@ fn frames_a_second(frame: &Frame, engine: &mut GpuEngine, way: &Way) -> f64 {
         let eye = DVec3::new(0.1 + 0.005 * k as f64, -0.5, 0.4);
         let pose = Pose::look_at(eye, DVec3::new(0.0, 0.0, 0.05), DVec3::Z);
         let input = frame.input(&pose);
-        if way.ahead {
-            engine.relight_ahead(&frame.plan, &input, &mut out).expect("a sound frame");
-        } else {
-            engine.relight(&frame.plan, &input, &mut out).expect("a sound frame");
-        }
+        engine.relight(&frame.plan, &input, &mut out).expect("a sound frame");
     }
-    engine.take_waiting(&mut out).expect("a sound frame");
     FRAMES as f64 / start.elapsed().as_secs_f64()
 }
 

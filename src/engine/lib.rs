@@ -173,21 +173,6 @@ pub trait Engine: Send {
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError>;
-    /// Begins one frame and hands out the one before it, so that a device works on this one while that one is read. Returns
-    /// whether `out` holds a picture; its time says which frame it is of. The pictures are those of [`Engine::relight`], one
-    /// call later; an engine without a device of its own hands out each at once.
-    fn relight_ahead(
-        &mut self,
-        plan: &FramePlan,
-        input: &RelightInput<'_>,
-        out: &mut Picture,
-    ) -> Result<bool, EngineError> {
-        self.relight(plan, input, out).map(|()| true)
-    }
-    /// Hands out the frame that [`Engine::relight_ahead`] began last, if it has not been yet; returns whether there was one.
-    fn take_waiting(&mut self, _out: &mut Picture) -> Result<bool, EngineError> {
-        Ok(false)
-    }
     /// Says whether `Picture::radiance` is wanted of the frames to come. At first it is not, and an engine on a device leaves it
     /// empty where it composes there; an engine on the processor fills it in any case.
     fn ask_for_linear(&mut self, _wanted: bool) {}

@@ -1,6 +1,6 @@
 //! A frame of the twins' scene, and all that it is drawn from.
 
-use crate::twin_scene::{environment, scene};
+use super::twin_scene::{environment, scene};
 use glam::{DVec3, Vec3};
 use halflight::{
     animate::posed::Posed,

@@ -238,20 +238,6 @@ impl Engine for GpuEngine {
         self.relighter.relight(&mut self.gpu, on_host, plan, input, out)
     }
 
-    fn relight_ahead(
-        &mut self,
-        plan: &FramePlan,
-        input: &RelightInput<'_>,
-        out: &mut Picture,
-    ) -> Result<bool, EngineError> {
-        let on_host = self.on_host(input);
-        self.relighter.relight_ahead(&mut self.gpu, on_host, plan, input, out)
-    }
-
-    fn take_waiting(&mut self, out: &mut Picture) -> Result<bool, EngineError> {
-        self.relighter.take_waiting(&mut self.gpu, out)
-    }
-
     fn ask_for_linear(&mut self, wanted: bool) {
         self.relighter.wants_linear = wanted;
     }

@@ -40,12 +40,7 @@ pub struct Relighter {
     pub spread: MapSpread,
     /// Whether linear radiance is read back.
     pub wants_linear: bool,
-    /// One for each frame that the device may work on.
-    staging: [Staging; 2],
-    /// A frame that was begun and not yet handed out.
-    waiting: Option<WaitingFrame>,
-    /// Memory for the next picture that is drawn ahead.
-    spare: Picture,
+    staging: Staging,
 }
 
 /// The passes of a frame: on the device, compiled when they are first called for, and on their twins.
@@ -64,16 +59,9 @@ struct Staging {
 /// A frame that the device works on.
 struct FrameInFlight {
     work: SentWork,
-    staging: usize,
     size: (usize, usize),
     reads_display: bool,
     reads_radiance: bool,
-}
-
-/// A frame that was begun: its picture, and what is still missing of it.
-struct WaitingFrame {
-    in_flight: Option<FrameInFlight>,
-    picture: Picture,
 }
 
 impl Staging {
@@ -85,13 +73,13 @@ impl Staging {
         }
     }
 
-    /// Records the copies of what is read back, and sends all that was recorded. Is staging `number`.
+    /// Records the copies of what is read back, and sends all that was recorded.
     fn send(
         &mut self,
         mut recorder: GpuRecorder<'_>,
         job: &FrameJob<'_>,
         exchange: &mut Exchange,
-        (number, wants_linear): (usize, bool),
+        wants_linear: bool,
         out: &mut Picture,
     ) -> FrameInFlight {
         let (context, size) = (recorder.context, job.size());
@@ -119,7 +107,7 @@ impl Staging {
         if reads_display {
             self.display.request(context, display_bytes);
         }
-        FrameInFlight { work, staging: number, size, reads_display, reads_radiance }
+        FrameInFlight { work, size, reads_display, reads_radiance }
     }
 }
 
@@ -133,9 +121,7 @@ impl Relighter {
             kernels: Kernels { on_device: [const { None }; Pass::ALL.len()], twins: door::twins() },
             spread: MapSpread::default(),
             wants_linear: false,
-            staging: [const { Staging::new() }; 2],
-            waiting: None,
-            spare: Picture::default(),
+            staging: Staging::new(),
         }
     }
 
@@ -181,59 +167,8 @@ impl Relighter {
         input: &RelightInput<'_>,
         out: &mut Picture,
     ) -> Result<(), EngineError> {
-        self.settle(gpu)?;
         let in_flight = self.begin(gpu, on_host, plan, input, out)?;
         self.collect(gpu, in_flight, out)
-    }
-
-    /// Begins one frame and hands out the one before, where there is one, while the device works.
-    pub fn relight_ahead(
-        &mut self,
-        gpu: &mut Gpu,
-        on_host: PassSet,
-        plan: &FramePlan,
-        input: &RelightInput<'_>,
-        out: &mut Picture,
-    ) -> Result<bool, EngineError> {
-        // A frame without these passes frees the staging that the frame before is read through.
-        if !(plan.has(Pass::Composite) && plan.has(Pass::Tonemap)) {
-            self.settle(gpu)?;
-        }
-        let mut picture = std::mem::take(&mut self.spare);
-        let in_flight = self.begin(gpu, on_host, plan, input, &mut picture)?;
-        let before = self.waiting.replace(WaitingFrame { in_flight: Some(in_flight), picture });
-        self.hand_out(gpu, before, out)
-    }
-
-    /// Hands out the frame that was begun last, where it has not been yet.
-    pub fn take_waiting(&mut self, gpu: &mut Gpu, out: &mut Picture) -> Result<bool, EngineError> {
-        let waiting = self.waiting.take();
-        self.hand_out(gpu, waiting, out)
-    }
-
-    fn hand_out(
-        &mut self,
-        gpu: &mut Gpu,
-        waiting: Option<WaitingFrame>,
-        out: &mut Picture,
-    ) -> Result<bool, EngineError> {
-        let Some(WaitingFrame { in_flight, mut picture }) = waiting else { return Ok(false) };
-        if let Some(in_flight) = in_flight {
-            self.collect(gpu, in_flight, &mut picture)?;
-        }
-        std::mem::swap(out, &mut picture);
-        self.spare = picture;
-        Ok(true)
-    }
-
-    /// Waits for the frame that was begun last, so that its staging is free.
-    fn settle(&mut self, gpu: &mut Gpu) -> Result<(), EngineError> {
-        let Some(mut waiting) = self.waiting.take() else { return Ok(()) };
-        if let Some(in_flight) = waiting.in_flight.take() {
-            self.collect(gpu, in_flight, &mut waiting.picture)?;
-        }
-        self.waiting = Some(waiting);
-        Ok(())
     }
 
     /// Sends one frame to the device. A frame that fails leaves nothing to be kept.
@@ -262,9 +197,6 @@ impl Relighter {
     ) -> Result<FrameInFlight, EngineError> {
         check_frame(&plan.quality, input)?;
         let job = FrameJob::planned(plan, input);
-        // The frame before may still be on its way through one of them.
-        let before = self.waiting.as_ref().and_then(|waiting| waiting.in_flight.as_ref());
-        let number = before.map_or(0, |before| 1 - before.staging);
         let Self { state, scene, exchange, kernels, staging, wants_linear, .. } = self;
         state.begin(plan, &job);
         kernels.twins.begin(job.uses);
@@ -286,13 +218,12 @@ impl Relighter {
         for pass in runs.iter() {
             kernels.run(pass, on_host.has(pass), &mut frame, exchange, out)?;
         }
-        let staging = &mut staging[number];
-        Ok(staging.send(frame.recorder, &job, exchange, (number, *wants_linear), out))
+        Ok(staging.send(frame.recorder, &job, exchange, *wants_linear, out))
     }
 
     /// Waits for a frame and reads what is asked for of it.
     fn collect(&mut self, gpu: &mut Gpu, frame: FrameInFlight, out: &mut Picture) -> Result<(), EngineError> {
-        let from = &mut self.staging[frame.staging];
+        let from = &mut self.staging;
         let (width, height) = frame.size;
         gpu.context.wait_for(Pass::Composite.name(), Some(&frame.work.index))?;
         gpu.timer.collect(&gpu.context, frame.work, &mut from.stamps)?;

@@ -1,7 +1,12 @@
 //! Tells the programs which commit they are built from, where there is git, and packs the addresses that the loader mends
-//! (DT_RELR): half a megabyte less of the daemon. Loaders know it since glibc 2.36.
+//! (DT_RELR): half a megabyte less of the daemon. Loaders know it since glibc 2.36. Functions of the same instructions are kept
+//! once where the linker can do that: half a megabyte again.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
+
+/// Functions of the same instructions become one (lld, gold and mold; GNU ld does not know it): the program tells no two functions
+/// apart by their address.
+const FOLDED: &str = "-Wl,--icf=all";
 
 fn main() {
     println!("cargo:rerun-if-changed=daemon/build.rs");
@@ -9,8 +14,11 @@ fn main() {
         println!("cargo:rustc-link-arg-bins=-Wl,-z,pack-relative-relocs");
     }
     println!("cargo:rerun-if-env-changed=HALFLIGHT_COMMIT");
-    // While a program is worked on, a commit changes nothing that must be built again.
     let is_release = std::env::var("PROFILE").is_ok_and(|profile| profile == "release");
+    if is_release && links_with(FOLDED) {
+        println!("cargo:rustc-link-arg-bins={FOLDED}");
+    }
+    // While a program is worked on, a commit changes nothing that must be built again.
     if is_release {
         for name in ["HEAD", "logs/HEAD"] {
             // One that is missing would be a reason to build again every time.
@@ -33,6 +41,24 @@ fn main() {
         None => "commit unknown: not built from git".to_owned(),
     };
     println!("cargo:rustc-env=HALFLIGHT_BUILT_FROM={commit}");
+}
+
+/// Whether an empty program links with an argument, as the daemon will be linked.
+fn links_with(argument: &str) -> bool {
+    let var = |name: &str| std::env::var(name).unwrap_or_default();
+    let (source, program) = (format!("{}/empty.rs", var("OUT_DIR")), format!("{}/empty", var("OUT_DIR")));
+    if std::fs::write(&source, "fn main() {}").is_err() {
+        return false;
+    }
+    let mut rustc = Command::new(var("RUSTC"));
+    rustc.args([&source, "-o", &program, "--target", &var("TARGET"), "-C", &format!("link-arg={argument}")]);
+    let linker = var("RUSTC_LINKER");
+    if !linker.is_empty() {
+        rustc.args(["-C", &format!("linker={linker}")]);
+    }
+    rustc.args(var("CARGO_ENCODED_RUSTFLAGS").split('\u{1f}').filter(|flag| !flag.is_empty()));
+    // What cannot be tried is left out.
+    rustc.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
 /// What git says, if it is there and says something.
