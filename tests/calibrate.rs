@@ -40,7 +40,7 @@ impl Drop for Folder {
     }
 }
 
-/// White cells of a tag, row by row from the top, 8 x 8 with the black border.
+/// White cells of a tag, row by row from the top, 8 x 8 with a black border of one cell.
 fn cells(id: usize) -> [[bool; 8]; 8] {
     let mut cells = [[false; 8]; 8];
     for bit in 0..36 {
@@ -61,13 +61,23 @@ fn chess_light(on_board: DVec2) -> f64 {
     if is_black { 0.03 } else { 0.8 }
 }
 
+/// The same with a border of two cells.
+fn wider(cells: &[[bool; 8]; 8]) -> Vec<Vec<bool>> {
+    let mut wide = vec![vec![false; 10]; 10];
+    for (y, row) in cells.iter().enumerate() {
+        wide[y + 1][1..9].copy_from_slice(row);
+    }
+    wide
+}
+
 /// Light of a place of the board of tags: white, but for the black of its tags.
-fn light(on_board: DVec2, tags: &[[[bool; 8]; 8]; 3]) -> f64 {
+fn light(on_board: DVec2, tags: &[Vec<Vec<bool>>]) -> f64 {
     let pitch = GRID.size_m * (1.0 + GRID.spacing);
     let (column, x) = ((on_board.x / pitch).floor(), on_board.x.rem_euclid(pitch) / GRID.size_m);
     let y = on_board.y / GRID.size_m;
     let is_tag = (0.0..3.0).contains(&column) && x < 1.0 && (0.0..1.0).contains(&y);
-    let cell = |share: f64| ((share * 8.0) as usize).min(7);
+    let cells = tags[0].len();
+    let cell = |share: f64| ((share * cells as f64) as usize).min(cells - 1);
     let is_white = !is_tag || tags[column as usize][cell(1.0 - y)][cell(x)];
     if is_white { 0.8 } else { 0.03 }
 }
@@ -124,7 +134,7 @@ fn pictures_of_a_board_give_the_lens_that_drew_them() {
     let folder = Folder::new("tags");
     let lens = Lens::pinhole(480, 360, 400.0, 404.0, 246.0, 174.0);
     let middle = DVec3::new(0.5 * GRID.size_m * (3.0 + 2.0 * GRID.spacing), 0.5 * GRID.size_m, 0.0);
-    let tags = [0, 1, 2].map(cells);
+    let tags = [0, 1, 2].map(|id| cells(id).map(Vec::from).to_vec());
     let files = draw_views(&folder, &lens, middle, |place| light(place, &tags));
     let out = folder.at("lens.yml");
     let with = |files: &[String], more: &[&str]| {
@@ -220,4 +230,20 @@ fn photographs_of_a_chessboard_give_the_lens_that_opencv_finds() {
             assert!((there - DVec2::new(x, y)).length() < 4.0, "{x} {y}: {there}");
         }
     }
+}
+
+#[test]
+fn kalibr_s_border_of_two_cells_is_read() {
+    let folder = Folder::new("wide");
+    let lens = Lens::pinhole(480, 360, 400.0, 404.0, 246.0, 174.0);
+    let middle = DVec3::new(0.5 * GRID.size_m * (3.0 + 2.0 * GRID.spacing), 0.5 * GRID.size_m, 0.0);
+    let tags = [0, 1, 2].map(|id| wider(&cells(id)));
+    let files = draw_views(&folder, &lens, middle, |place| light(place, &tags));
+    let (found, told) = lens_of(&files, &format!("{BOARD},border=2"), &folder.at("lens.yml"));
+    println!("{told}");
+    assert!(told["rms_px"].as_f64().unwrap() < 0.15, "{told}");
+    assert!((found.fx / lens.fx - 1.0).abs() < 0.01 && (found.fy / lens.fy - 1.0).abs() < 0.01, "{found:?}");
+    // By one cell there is no tag.
+    let ends = ["--board", BOARD, "--out", &folder.at("other.yml")].map(str::to_owned);
+    assert_eq!(calibrate(&[files.as_slice(), &ends].concat()).status.code(), Some(2));
 }

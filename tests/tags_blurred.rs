@@ -29,8 +29,8 @@ struct Drawn {
 }
 
 /// Drawn with pixels that are means over their area, blurred in linear light, encoded by sRGB, then noise and rounding.
-fn drawn(seed: u64) -> Drawn {
-    let mut dice = Dice::new(seed * 7919 + 13);
+fn drawn(series: u64, seed: u64) -> Drawn {
+    let mut dice = Dice::new(seed * 7919 + 13 + series * 1_000_003);
     let id = (dice.unit() * 3.0) as usize;
     let (blur_px, noise, tilt_deg) =
         (dice.between(0.0, 4.0), dice.between(0.0, 6.0), dice.between(0.0, 75.0));
@@ -89,12 +89,12 @@ impl Measured {
     }
 }
 
-fn measured(seeds: std::ops::Range<u64>) -> Vec<Measured> {
+fn measured(series: u64, seeds: std::ops::Range<u64>) -> Vec<Measured> {
     let mut detector = TagDetector::new(TagOptions::thorough()).unwrap();
     let mut found = Vec::new();
     let mut all = Vec::new();
     for seed in seeds {
-        let tag = drawn(seed);
+        let tag = drawn(series, seed);
         detector.detect(&tag.gray, None, &mut found).unwrap();
         let Some(seen) = found.iter().find(|d| d.id == tag.id as u32) else { continue };
         let error = |k: usize| (seen.corners_px[k / 2] - tag.corners_px[k / 2])[k % 2].abs();
@@ -119,33 +119,58 @@ fn coverage<'a>(name: &str, tags: impl Iterator<Item = &'a Measured>) -> (f64, f
     (share, median)
 }
 
-/// 240 tags; with HALFLIGHT_ALL_TAGS=1 the 2,000. A third of them is not found: seen too much from the side, or blurred
-/// until the cells run together.
+/// How far a share of some tags may lie outside of 63 to 73 %: the errors of one tag hang together, so its eight coordinates
+/// tell as much as three. Two standard deviations.
+fn chance(tags: usize) -> f64 {
+    2.0 * (0.68 * 0.32 / (3.0 * tags as f64)).sqrt()
+}
+
+/// 240 tags; with HALFLIGHT_ALL_TAGS=1 the 2,000 and as many of two other series. A fifth of them is not found: seen
+/// too much from the side, or blurred until the cells run together.
 #[test]
 fn the_stated_sigma_holds_two_thirds_of_the_errors() {
-    let count = if std::env::var_os("HALFLIGHT_ALL_TAGS").is_some() { 2000 } else { 240 };
-    let tags = measured(0..count);
-    assert!(tags.len() as u64 * 10 >= count * 7, "{} of {count} found", tags.len());
-    let (share, median) = coverage("all", tags.iter());
-    assert!((0.63..=0.73).contains(&share), "{share}");
-    // Measured: 0.010 px; 0.77 px before the blur was fitted.
-    assert!(median < 0.02, "{median}");
-    let bands = [
-        ("blur", 0, vec![0.0, 0.5, 1.0, 2.0, 3.0, 4.0]),
-        ("noise", 1, vec![0.0, 1.5, 3.0, 4.5, 6.0]),
-        ("tilt", 2, vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]),
-    ];
-    for (name, index, edges) in bands {
-        for band in edges.windows(2) {
-            let inside = |t: &&Measured| (band[0]..band[1]).contains(&t.drawn[index]);
-            let (share, median) =
-                coverage(&format!("{name} {}..{}", band[0], band[1]), tags.iter().filter(inside));
-            assert!((0.5..=0.85).contains(&share) && median < 0.04, "{name} {band:?}: {share}, {median} px");
+    let all = std::env::var_os("HALFLIGHT_ALL_TAGS").is_some();
+    let (count, series) = if all { (2000, &[0, 71, 902][..]) } else { (240, &[0][..]) };
+    for series in series {
+        let tags = measured(*series, 0..count);
+        assert!(tags.len() as u64 * 10 >= count * 7, "{} of {count} found", tags.len());
+        let (share, median) = coverage(&format!("series {series}"), tags.iter());
+        assert!((0.63..=0.73).contains(&share), "{share}");
+        // Measured: 0.012 px; 0.77 px before the blur was fitted.
+        assert!(median < 0.02, "{median}");
+        let blurs = &[0.0, 0.5, 1.0, 2.0, 3.0, 4.0][..];
+        let tilts = &[0.0, 15.0, 30.0, 45.0, 60.0, 75.0][..];
+        for (name, index, edges) in
+            [("blur", 0, blurs), ("noise", 1, &[0.0, 1.5, 3.0, 4.5, 6.0][..]), ("tilt", 2, tilts)]
+        {
+            for band in edges.windows(2) {
+                let inside = |t: &&Measured| (band[0]..band[1]).contains(&t.drawn[index]);
+                hold(&format!("{name} {}..{}", band[0], band[1]), &tags, inside);
+            }
         }
+        for blur in blurs.windows(2) {
+            for tilt in tilts.windows(2) {
+                let inside = |t: &&Measured| {
+                    (blur[0]..blur[1]).contains(&t.drawn[0]) && (tilt[0]..tilt[1]).contains(&t.drawn[2])
+                };
+                hold(&format!("blur {}.., tilt {}..", blur[0], tilt[0]), &tags, inside);
+            }
+        }
+        // Nothing is far off and says nothing of it.
+        let lost = tags.iter().filter(|t| t.rms_px() > 6.0 * t.sigma_px).count();
+        assert!(lost * 100 <= tags.len(), "{lost} of {}", tags.len());
     }
-    // Nothing is far off and says nothing of it.
-    let lost = tags.iter().filter(|t| t.rms_px() > 6.0 * t.sigma_px).count();
-    assert!(lost * 100 <= tags.len(), "{lost} of {}", tags.len());
+}
+
+/// Holds one bin of tags: as close to 68 % as so few of them can tell.
+fn hold(name: &str, tags: &[Measured], inside: impl Fn(&&Measured) -> bool) {
+    let count = tags.iter().filter(&inside).count();
+    if count == 0 {
+        return;
+    }
+    let (share, median) = coverage(name, tags.iter().filter(inside));
+    let allowed = 0.63 - chance(count)..=0.73 + chance(count);
+    assert!(allowed.contains(&share) && median < 0.04, "{name}, {count} tags: {share}, {median} px");
 }
 
 fn tool(arguments: &[&str]) -> Value {

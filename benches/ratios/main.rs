@@ -12,11 +12,12 @@ mod nearfield;
 mod opencv;
 mod project_sh;
 mod room;
+mod tags;
 mod timing;
 mod trace;
 
 fn main() {
-    let all: [(&str, fn()); 12] = [
+    let all: [(&str, fn()); 13] = [
         ("conversions", conversions::run),
         ("merge_bracket", merge_bracket::run),
         ("project_sh", project_sh::run),
@@ -29,6 +30,7 @@ fn main() {
         ("trace", trace::run),
         ("frame", frame::run),
         ("delivery", delivery::run),
+        ("tags", tags::run),
     ];
     // Cargo itself adds `--bench`.
     let only = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));

@@ -19,6 +19,8 @@ mod fuse;
 mod hdr;
 #[path = "../hdr_faults.rs"]
 mod hdr_faults;
+#[path = "../hdr_truth.rs"]
+mod hdr_truth;
 #[path = "../imu_fusion.rs"]
 mod imu_fusion;
 #[path = "../light.rs"]

@@ -4,28 +4,29 @@
 //! `edges` has nothing to measure against. Here all edges of the tag are fitted at once: eight coordinates of the corners,
 //! the blur's own width, and the levels of black, white and what lies beyond the rim. Light mixes in linear light;
 //! the residuals are counted in the picture's own 8-bit values, in which noise is about even.
+//!
+//! What is blurred is seen as well in a smaller picture: the fit begins in one in which cells are a few pixels wide, and
+//! ends in the smallest one that still shows the shape of the edges.
 
 use super::edges::{RefinedCorners, area_share};
 use super::normal;
-use super::tag_pose::homography_from_square;
-use super::template::{Cells, MASKS, RIM, TagPatch, Template};
-use crate::math::solve::solve_positive;
+use super::template::{Cells, RIM, TagPatch, Template};
 use crate::model::image::Image;
-use glam::{DMat3, DVec2, DVec3};
+use curve::Curve;
+use glam::DVec2;
+use sums::{CornerPull, LEVEL_COUNT, LEVELS, Normal, Sums, UNKNOWNS, weights};
 
-/// Unknowns: eight coordinates, the logarithm of the blur, three of white and three of black (level and slopes along
-/// the tag), one beyond each side of the rim.
-const UNKNOWNS: usize = 19;
-/// Where the levels begin among them.
-const LEVELS: usize = 9;
-/// Steps at most; six suffice.
+mod curve;
+mod sums;
+
+/// Steps at most; four suffice.
 const STEPS: usize = 15;
 /// Times that cells are read anew before the corners move.
 const MENDINGS: usize = 6;
-/// Steps below this end the search, pixels.
-const SETTLED_PX: f64 = 0.002;
+/// A step below this is the last, pixels of the patch: what would be left is of second order in it.
+const SETTLED_PX: f64 = 0.02;
 /// Blurs that are tried at first, pixels of the patch.
-const FIRST_BLURS_PX: [f64; 3] = [0.6, 1.5, 3.0];
+const FIRST_BLURS_PX: [f64; 3] = [0.5, 1.2, 2.4];
 /// Blurs within these are followed, pixels of the patch.
 const BLURS_PX: (f64, f64) = (0.25, 8.0);
 /// Pixels beyond this are left out, as what lies beyond the rim need not be of one level (the black square is -1..1).
@@ -34,22 +35,32 @@ const SEEN: f64 = 1.2;
 const HUBER: f64 = 3.0;
 /// Least difference of white and black, 8-bit values.
 const LEAST_CONTRAST: f64 = 6.0;
-/// A tag larger than this is drawn from a picture reduced by a whole factor, pixels of the patch's side.
-const LARGEST_PX: f64 = 110.0;
+/// In the first picture the tag's shorter way across is about this long, pixels.
+const FIRST_PX: f64 = 28.0;
+/// In the last one the blur is about this wide, and the tag not shorter than this, pixels.
+const LAST_PX: (f64, f64) = (0.8, 16.0);
+/// Pictures are reduced by at most this.
+const LARGEST_FACTOR: f64 = 16.0;
+/// From so many pixels on only a share of them is counted.
+const PIXELS: usize = 10_000;
 /// Patches above this are refused, pixels each way.
 const PATCH_LIMIT_PX: usize = 400;
+/// Pixels around the rim: what its borders' shape is told from.
+const MARGIN_PX: f64 = 4.0;
 /// What even a perfect fit may be wrong by, measured on drawn tags without noise, pixels of the patch: with any blur,
 /// and what is added without one, as sharp edges show how pixels are drawn.
 const FLOOR_PX: (f64, f64) = (0.0015, 0.006);
-/// From this share of a square's area on (over that of its longest side), and by how much more for each share below,
-/// errors are larger than the residuals tell: cells seen from the side are narrow. Measured on drawn tags.
-const OBLIQUE: (f64, f64) = (0.6, 1.7);
+/// Below this share of a square's area (over that of its longest side) errors are larger than the residuals tell, as cells seen
+/// from the side are narrow: by how much more of sigma, and of the second floor, for each share. Measured on drawn tags.
+const OBLIQUE: (f64, f64, f64) = (0.6, 2.0, 15.0);
 
 /// Memory of the fit, reused from tag to tag.
 #[derive(Clone, Debug, Default)]
 pub struct BlurredScratch {
+    curve: Curve,
     template: Template,
     pixels: Vec<Seen>,
+    parts: Vec<[f32; LEVEL_COUNT]>,
     light: Vec<f32>,
 }
 
@@ -62,34 +73,12 @@ struct Seen {
     value: f32,
 }
 
-/// The picture's own curve, both ways.
-struct Curve<'a>(&'a [f32; 256]);
-
-impl Curve<'_> {
-    /// Value and slope (values for a unit of light) of some light; clipped as the camera clips.
-    fn encode(&self, light: f64) -> (f64, f64) {
-        let table = self.0;
-        let light = light as f32;
-        let after = table.partition_point(|t| *t <= light);
-        if after >= 256 {
-            return (255.0, 0.0);
-        }
-        let low = after.max(1) - 1;
-        let step = f64::from(table[low + 1] - table[low]);
-        let value = low as f64 + f64::from(light - table[low]) / step;
-        // Over two steps: one alone makes the slope jump.
-        let (from, to) = (low.saturating_sub(1), (low + 2).min(255));
-        let slope = (to - from) as f64 / f64::from(table[to] - table[from]);
-        (value.max(0.0), slope)
-    }
-}
-
 /// The unknowns as they stand.
 #[derive(Clone, Copy, Debug)]
 struct Guess {
     corners_px: [DVec2; 4],
     blur_px: f64,
-    levels: [f64; UNKNOWNS - LEVELS],
+    levels: [f64; LEVEL_COUNT],
 }
 
 impl Guess {
@@ -104,37 +93,35 @@ impl Guess {
         }
         next
     }
+
+    /// The same in a picture larger by a factor.
+    fn scaled(&self, factor: f64) -> Self {
+        Self { corners_px: self.corners_px.map(|c| c * factor), blur_px: self.blur_px * factor, ..*self }
+    }
 }
 
-/// What each level weighs in a pixel's light.
-fn weights(shares: &[f32; MASKS], [u, v]: [f32; 2]) -> [f64; UNKNOWNS - LEVELS] {
-    let (white, u, v) = (f64::from(shares[0]), f64::from(u), f64::from(v));
-    let beyond = [1, 2, 3, 4].map(|i| f64::from(shares[i]));
-    let black = 1.0 - white - beyond.iter().sum::<f64>();
-    let [a, b, c, d] = beyond;
-    [white, white * u, white * v, black, black * u, black * v, a, b, c, d]
-}
-
-/// Sums of one step of Gauss and Newton.
-struct Normal {
-    matrix: [[f64; UNKNOWNS]; UNKNOWNS],
-    right: [f64; UNKNOWNS],
-    /// Sum of the residuals' costs, squared 8-bit values.
-    cost: f64,
+/// A guess that has settled.
+#[derive(Clone, Copy)]
+struct Found {
+    guess: Guess,
+    cells: Cells,
+    /// Of the corners' coordinates, pixels of the patch.
+    sigma_px: f64,
 }
 
 /// One fit.
 struct Fit<'a> {
-    curve: Curve<'a>,
     patch: TagPatch,
+    /// How many pixels of the picture, each way, one of the patch is.
+    factor: usize,
     cells: Cells,
     scratch: &'a mut BlurredScratch,
     /// Standard deviation of a residual, 8-bit values.
     noise: f64,
 }
 
-/// Fits a tag36h11 tag's corners, starting from `corners_px`. `blur_px` is about how wide its edges are (a large tag that is
-/// blurred is measured in a reduced picture). `None` where the picture does not look like that tag, blurred.
+/// Fits a tag36h11 tag's corners, starting from `corners_px`. `blur_px` is about how wide its edges are.
+/// `None` where the picture does not look like that tag, blurred.
 pub fn refine_blurred(
     gray: &Image<u8>,
     linear_of_value: &[f32; 256],
@@ -145,42 +132,74 @@ pub fn refine_blurred(
     if !linear_of_value.windows(2).all(|w| w[0] < w[1]) || !corners_px.iter().all(|c| c.is_finite()) {
         return None;
     }
+    scratch.curve.take(linear_of_value);
     let side = (0..4).map(|i| corners_px[i].distance(corners_px[(i + 1) % 4])).fold(0.0, f64::max);
-    // A reduced picture still has to show the edges' shape.
-    let factor = (side / LARGEST_PX).ceil().min((blur_px / 0.6).floor()).clamp(1.0, 8.0);
-    let start = corners_px.map(|c| c / factor);
-    let margin = 3.5 * 2.0f64.max(blur_px / factor) + 2.0;
-    let patch = TagPatch::around(&start, margin)?;
-    if patch.width > PATCH_LIMIT_PX || patch.height > PATCH_LIMIT_PX {
-        return None;
+    let shortest = side * area_share(corners_px);
+    let whole = |factor: f64| factor.floor().clamp(1.0, LARGEST_FACTOR);
+    let last = |blur_px: f64| whole((blur_px / LAST_PX.0).min(shortest / LAST_PX.1));
+    let mut factor = whole(shortest / FIRST_PX);
+    let first = Fit::of(gray, corners_px, factor, scratch).and_then(|mut fit| fit.begin(corners_px));
+    let mut found = match first {
+        Some(found) => found,
+        None => {
+            // In a small picture narrow cells run together.
+            factor = last(blur_px).min(factor - 1.0);
+            if factor < 1.0 {
+                return None;
+            }
+            Fit::of(gray, corners_px, factor, scratch)?.begin(corners_px)?
+        }
+    };
+    let finer = last(found.guess.blur_px * factor);
+    if finer < factor {
+        let guess = found.guess.scaled(factor / finer);
+        let mut fit = Fit::of(gray, &guess.corners_px.map(|c| c * finer), finer, scratch)?;
+        fit.cells = found.cells;
+        found = fit.settle(guess)?;
+        factor = finer;
     }
-    let curve = Curve(linear_of_value);
-    let mut fit = Fit { curve, patch, cells: Cells::default(), scratch, noise: f64::INFINITY };
-    fit.gather(gray, &start, factor as usize)?;
-    let guess = fit.first_guess(&start)?;
-    let (guess, sigma_px) = fit.settle(guess)?;
+    let guess = found.guess.scaled(factor);
     let cell_px = side / 8.0;
-    let moved = (0..4).map(|i| (guess.corners_px[i] * factor).distance(corners_px[i])).fold(0.0, f64::max);
-    let narrow = (OBLIQUE.0 - area_share(&guess.corners_px)).max(0.0);
-    let sigma_px = sigma_px * factor * (1.0 + OBLIQUE.1 * narrow);
+    let moved = (0..4).map(|i| guess.corners_px[i].distance(corners_px[i])).fold(0.0, f64::max);
+    let sigma_px = found.sigma_px * factor;
     if moved > cell_px + 1.0 || sigma_px > cell_px {
         return None;
     }
-    let corners_px = guess.corners_px.map(|c| c * factor);
-    Some(RefinedCorners { corners_px, sigma_px, width_px: guess.blur_px * factor, seen_whole: true })
+    Some(RefinedCorners { corners_px: guess.corners_px, sigma_px, width_px: guess.blur_px, seen_whole: true })
 }
 
-impl Fit<'_> {
+impl<'a> Fit<'a> {
+    /// Around a tag, in the picture reduced by a whole factor.
+    fn of(
+        gray: &Image<u8>,
+        corners_px: &[DVec2; 4],
+        factor: f64,
+        scratch: &'a mut BlurredScratch,
+    ) -> Option<Self> {
+        let patch = TagPatch::around(&corners_px.map(|c| c / factor), MARGIN_PX)?;
+        if patch.width > PATCH_LIMIT_PX || patch.height > PATCH_LIMIT_PX {
+            return None;
+        }
+        let factor = factor as usize;
+        let mut fit = Self { patch, factor, cells: Cells::default(), scratch, noise: f64::INFINITY };
+        fit.gather(gray, &corners_px.map(|c| c / factor as f64))?;
+        Some(fit)
+    }
+
     /// Lists the pixels that show the tag, each the mean of `factor` x `factor` of the picture's in linear light.
-    fn gather(&mut self, gray: &Image<u8>, corners_px: &[DVec2; 4], factor: usize) -> Option<()> {
-        let scratch = &mut *self.scratch;
-        scratch.template.draw(self.cells, corners_px, BLURS_PX.0, &self.patch)?;
-        scratch.pixels.clear();
+    fn gather(&mut self, gray: &Image<u8>, corners_px: &[DVec2; 4]) -> Option<()> {
+        let (factor, patch) = (self.factor, self.patch);
+        let BlurredScratch { curve, template, pixels, .. } = &mut *self.scratch;
+        template.lay(corners_px, &patch)?;
+        pixels.clear();
         let (columns, rows) = (gray.width() / factor, gray.height() / factor);
-        for (at, [u, v]) in scratch.template.places.iter().enumerate() {
-            let x = i64::from(self.patch.left) + (at % self.patch.width) as i64;
-            let y = i64::from(self.patch.top) + (at / self.patch.width) as i64;
-            let inside = (0..columns as i64).contains(&x) && (0..rows as i64).contains(&y);
+        for (at, [u, v]) in template.places.iter().enumerate() {
+            let (across, down) = (at % patch.width, at / patch.width);
+            // Light is differentiated over two pixels on either side.
+            let inner = (2..patch.width - 2).contains(&across) && (2..patch.height - 2).contains(&down);
+            let x = i64::from(patch.left) + across as i64;
+            let y = i64::from(patch.top) + down as i64;
+            let inside = inner && (0..columns as i64).contains(&x) && (0..rows as i64).contains(&y);
             if !inside || f64::from(u.abs().max(v.abs())) > SEEN {
                 continue;
             }
@@ -188,17 +207,24 @@ impl Fit<'_> {
             let value = if factor == 1 {
                 f32::from(*gray.at(x, y))
             } else {
-                let mut light = 0.0;
-                for j in 0..factor {
-                    for i in 0..factor {
-                        light += f64::from(self.curve.0[usize::from(*gray.at(x + i, y + j))]);
-                    }
-                }
-                self.curve.encode(light / (factor * factor) as f64).0 as f32
+                let rows = (y..y + factor).map(|y| &gray.row(y)[x..x + factor]);
+                let light = rows.flatten().map(|value| curve.of(*value)).sum::<f32>();
+                curve.encode(light / (factor * factor) as f32).0
             };
-            scratch.pixels.push(Seen { at: at as u32, value });
+            pixels.push(Seen { at: at as u32, value });
         }
-        (scratch.pixels.len() > 4 * UNKNOWNS).then_some(())
+        // Any share will do that is not one of columns or rows.
+        let share = (pixels.len() / PIXELS + 1) as u32;
+        if share > 1 {
+            pixels.retain(|seen| (seen.at.wrapping_mul(2_654_435_761) >> 16).is_multiple_of(share));
+        }
+        (pixels.len() > 4 * UNKNOWNS).then_some(())
+    }
+
+    /// From the corners in the picture alone: cells and blur that explain it best, then all at once.
+    fn begin(&mut self, corners_px: &[DVec2; 4]) -> Option<Found> {
+        let guess = self.first_guess(&corners_px.map(|c| c / self.factor as f64))?;
+        self.settle(guess)
     }
 
     /// Cells and blur that explain the picture best with the corners as given.
@@ -206,25 +232,30 @@ impl Fit<'_> {
         let mut best: Option<(f64, Guess, Cells)> = None;
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         for seen in &self.scratch.pixels {
-            let light = self.curve.0[seen.value.round() as usize];
+            let light = self.scratch.curve.between(seen.value);
             (low, high) = (low.min(light), high.max(light));
         }
         let (low, high) = (f64::from(low), f64::from(high));
+        let cells = self.cells_by_threshold(low + 0.5 * (high - low));
         for blur_px in FIRST_BLURS_PX {
-            self.cells = self.cells_by_threshold(low + 0.5 * (high - low));
-            let mut levels = [0.0; UNKNOWNS - LEVELS];
+            self.cells = cells;
+            let mut levels = [0.0; LEVEL_COUNT];
             (levels[0], levels[3]) = (high, low);
             levels[6..].fill(0.5 * (low + high));
             let mut guess = Guess { corners_px: *corners_px, blur_px, levels };
             for _ in 0..MENDINGS {
-                guess = self.step(&guess, true, 1e-6)?.0;
+                self.draw(&guess)?;
+                self.level(&mut guess)?;
                 if !self.mend_cells(&guess) {
                     break;
                 }
             }
-            let cost = self.step(&guess, true, 1e-6)?.1;
+            self.draw(&guess)?;
+            let cost = self.cost();
             if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                 best = Some((cost, guess, self.cells));
+            } else {
+                break;
             }
         }
         let (_, guess, cells) = best?;
@@ -237,7 +268,7 @@ impl Fit<'_> {
         let mut sums = [[(0.0, 0u32); 6]; 6];
         for seen in &self.scratch.pixels {
             if let Some((column, row)) = self.inner_cell(seen.at as usize) {
-                let light = f64::from(self.curve.0[seen.value.round() as usize]);
+                let light = f64::from(self.scratch.curve.between(seen.value));
                 sums[row][column].0 += light;
                 sums[row][column].1 += 1;
             }
@@ -266,7 +297,7 @@ impl Fit<'_> {
         for seen in &self.scratch.pixels {
             let at = seen.at as usize;
             if let Some((column, row)) = self.inner_cell(at) {
-                let light = f64::from(self.curve.0[seen.value.round() as usize]);
+                let light = f64::from(self.scratch.curve.between(seen.value));
                 sums[row][column].0 += light - f64::from(self.scratch.light[at]);
                 sums[row][column].1 += 1;
             }
@@ -300,180 +331,128 @@ impl Fit<'_> {
         [cell(0, 1), cell(1, 2)].map(|c| normal::within(0.5 * c / guess.blur_px)).iter().product()
     }
 
-    /// Follows the residuals down. The guess and the standard deviation of its corners' coordinates.
-    fn settle(&mut self, start: Guess) -> Option<(Guess, f64)> {
+    /// Follows the residuals down.
+    fn settle(&mut self, start: Guess) -> Option<Found> {
         let mut guess = start;
         let mut damping = 1e-3;
-        let (mut next, mut cost, mut normal) = self.step(&guess, false, damping)?;
-        self.noise = self.deviation(cost);
+        self.draw(&guess)?;
+        let mut normal = self.sums(&guess)?;
         let mut settled = false;
         for step in 0..STEPS {
+            let next = guess.moved(&normal.step(damping)?);
             let moved = (0..4).map(|i| next.corners_px[i].distance(guess.corners_px[i])).fold(0.0, f64::max);
-            let tried = self.step(&next, false, damping * 0.1);
-            match tried {
-                Some((after, lower, sums)) if lower <= cost => {
-                    settled = moved < SETTLED_PX;
-                    (guess, next, cost, normal) = (next, after, lower, sums);
-                    damping = (damping * 0.1f64).max(1e-9);
-                    if step % 2 == 1 && !settled {
-                        self.noise = self.deviation(cost).max(0.3);
-                        self.mend_cells(&guess);
-                        (next, cost, normal) = self.step(&guess, false, damping)?;
-                    }
-                }
-                _ => {
-                    settled = moved < SETTLED_PX;
-                    damping *= 30.0;
-                    next = guess.moved(&solved(&normal, damping, false)?);
-                }
-            }
-            if settled {
+            settled = moved < SETTLED_PX && (next.blur_px / guess.blur_px).ln().abs() < 0.05;
+            if settled && step > 0 {
+                // Damped steps are shorter than what is left.
+                guess = if damping < 0.01 { next } else { guess };
                 break;
             }
+            self.draw(&next)?;
+            match self.sums(&next) {
+                Some(after) if after.cost <= normal.cost => {
+                    (guess, normal) = (next, after);
+                    damping = (damping * 0.1f64).max(1e-9);
+                    if step < 2 {
+                        // What counts as an outlier is known now, and cells that were read wrongly show.
+                        let before = self.noise;
+                        self.noise = self.deviation(normal.cost);
+                        let mended = self.mend_cells(&guess);
+                        if mended {
+                            self.draw(&guess)?;
+                        }
+                        if mended || self.noise < 0.8 * before {
+                            normal = self.sums(&guess)?;
+                        }
+                    }
+                }
+                _ => damping *= 30.0,
+            }
         }
-        let contrast = self.curve.encode(guess.levels[0]).0 - self.curve.encode(guess.levels[3]).0;
-        let deviation = self.deviation(cost);
+        let contrast = self.value(guess.levels[0]) - self.value(guess.levels[3]);
+        let deviation = self.deviation(normal.cost);
         if !settled || contrast < LEAST_CONTRAST.max(deviation) {
             return None;
         }
-        let floor_px = FLOOR_PX.0 + FLOOR_PX.1 * (-guess.blur_px / 0.5).exp();
-        Some((guess, sigma_of(&normal, deviation, floor_px)?))
+        let narrow = (OBLIQUE.0 - area_share(&guess.corners_px)).max(0.0);
+        let sharp_px = FLOOR_PX.1 * (-guess.blur_px / 0.5).exp() * (1.0 + OBLIQUE.2 * narrow);
+        let sigma_px = normal.sigma_px(deviation, FLOOR_PX.0 + sharp_px)? * (1.0 + OBLIQUE.1 * narrow);
+        Some(Found { guess, cells: self.cells, sigma_px })
+    }
+
+    fn value(&self, light: f64) -> f64 {
+        f64::from(self.scratch.curve.encode(light as f32).0)
     }
 
     /// Standard deviation of a residual at some cost, 8-bit values; not below that of rounding.
     fn deviation(&self, cost: f64) -> f64 {
-        (cost / (self.scratch.pixels.len() - UNKNOWNS) as f64).sqrt().max(0.289)
-    }
-
-    /// Draws a guess and sums its residuals: the next guess, this one's cost, and the sums.
-    fn step(&mut self, guess: &Guess, only_levels: bool, damping: f64) -> Option<(Guess, f64, Normal)> {
-        self.draw(guess)?;
-        let normal = self.sums(guess)?;
-        let next = guess.moved(&solved(&normal, damping, only_levels)?);
-        Some((next, normal.cost, normal))
+        let rounding = 0.289 / self.factor as f64;
+        (cost / (self.scratch.pixels.len() - UNKNOWNS) as f64).sqrt().max(rounding)
     }
 
     fn draw(&mut self, guess: &Guess) -> Option<()> {
-        let BlurredScratch { template, light, .. } = &mut *self.scratch;
+        let BlurredScratch { template, parts, light, .. } = &mut *self.scratch;
         template.draw(self.cells, &guess.corners_px, guess.blur_px, &self.patch)?;
+        parts.clear();
+        // Slopes of the levels end with the tag.
+        let inside = |place: [f32; 2]| place.map(|t| t.clamp(-RIM as f32, RIM as f32));
+        parts.extend(
+            (0..template.places.len()).map(|at| weights(&template.shares(at), inside(template.places[at]))),
+        );
+        let levels = guess.levels.map(|l| l as f32);
         light.clear();
-        light.extend(template.shares.iter().zip(&template.places).map(|(shares, place)| {
-            // Slopes of the levels end with the tag.
-            let place = place.map(|t| t.clamp(-RIM as f32, RIM as f32));
-            let parts = weights(shares, place);
-            parts.iter().zip(&guess.levels).map(|(w, l)| w * l).sum::<f64>() as f32
-        }));
+        light.extend(parts.iter().map(|parts| parts.iter().zip(&levels).map(|(w, l)| w * l).sum::<f32>()));
+        Some(())
+    }
+
+    /// Sum of squared residuals of what was drawn.
+    fn cost(&self) -> f64 {
+        let BlurredScratch { curve, pixels, light, .. } = &*self.scratch;
+        let residual = |seen: &Seen| f64::from(seen.value - curve.encode(light[seen.at as usize]).0);
+        pixels.iter().map(|seen| residual(seen).powi(2)).sum()
+    }
+
+    /// Fits the levels to the light of the pixels, with the cells, the corners and the blur as they were drawn.
+    fn level(&self, guess: &mut Guess) -> Option<()> {
+        let BlurredScratch { curve, pixels, light, parts, .. } = &*self.scratch;
+        let mut sums = Sums::new();
+        for seen in pixels {
+            let at = seen.at as usize;
+            let (value, slope) = curve.encode(light[at]);
+            sums.add(&[0.0; LEVELS], &parts[at].map(|part| slope * part), seen.value - value, 1.0);
+        }
+        let step = sums.normal()?.step_of_levels()?;
+        guess.levels.iter_mut().zip(step).for_each(|(level, step)| *level += step);
         Some(())
     }
 
     fn sums(&self, guess: &Guess) -> Option<Normal> {
-        let mut normal = Normal { matrix: [[0.0; UNKNOWNS]; UNKNOWNS], right: [0.0; UNKNOWNS], cost: 0.0 };
-        let pull = CornerPull::of(&guess.corners_px)?;
-        let (width, height) = (self.patch.width, self.patch.height);
-        let light = |at: usize| f64::from(self.scratch.light[at]);
-        for seen in &self.scratch.pixels {
+        let BlurredScratch { curve, template, pixels, light, parts } = &*self.scratch;
+        let middle = guess.corners_px.iter().sum::<DVec2>() / 4.0;
+        let pull = CornerPull::of(&guess.corners_px, middle)?;
+        let width = self.patch.width;
+        let (limit, variance) = (HUBER as f32 * self.noise as f32, (guess.blur_px * guess.blur_px) as f32);
+        let mut sums = Sums::new();
+        for seen in pixels {
             let at = seen.at as usize;
-            let (x, y) = (at % width, at / width);
-            if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
-                continue;
-            }
-            let (value, slope) = self.curve.encode(light(at));
-            let residual = f64::from(seen.value) - value;
-            let size = residual.abs() / self.noise;
-            let trust = if size > HUBER { HUBER / size } else { 1.0 };
-            normal.cost += trust * residual * residual;
-            let gradient =
-                DVec2::new(light(at + 1) - light(at - 1), light(at + width) - light(at - width)) / 2.0;
-            let bend =
-                light(at + 1) + light(at - 1) + light(at + width) + light(at - width) - 4.0 * light(at);
-            let mut row = [0.0; UNKNOWNS];
-            for (k, pulled) in pull.at(self.patch.middle_of(x, y)).into_iter().enumerate() {
-                row[k] = -slope * gradient.dot(pulled);
-            }
+            let (value, slope) = curve.encode(light[at]);
+            let residual = seen.value - value;
+            let trust = if residual.abs() > limit { limit / residual.abs() } else { 1.0 };
+            // Differences of fourth order: those of second order make narrow edges look less steep than they are.
+            let gradient = [1, width].map(|step| {
+                let near = light[at + step] - light[at - step];
+                slope * (8.0 * near - (light[at + 2 * step] - light[at - 2 * step])) / 12.0
+            });
+            let bend = [1, width].map(|step| {
+                let near = light[at + step] + light[at - step];
+                (16.0 * near - (light[at + 2 * step] + light[at - 2 * step]) - 30.0 * light[at]) / 12.0
+            });
+            let p = self.patch.middle_of(at % width, at / width);
+            let mut place = [0.0; LEVELS];
+            place[..8].copy_from_slice(&pull.at(p, template.places[at], gradient));
             // A Gaussian grows by half the Laplacian for each unit of its variance.
-            row[8] = slope * guess.blur_px.powi(2) * bend;
-            let place = self.scratch.template.places[at].map(|t| t.clamp(-RIM as f32, RIM as f32));
-            let parts = weights(&self.scratch.template.shares[at], place);
-            for (slot, part) in row[LEVELS..].iter_mut().zip(parts) {
-                *slot = slope * part;
-            }
-            for i in 0..UNKNOWNS {
-                let weighted = trust * row[i];
-                normal.right[i] += weighted * residual;
-                for j in 0..=i {
-                    normal.matrix[i][j] += weighted * row[j];
-                }
-            }
+            place[8] = slope * variance * (bend[0] + bend[1]);
+            sums.add(&place, &parts[at].map(|part| slope * part), residual, trust);
         }
-        for i in 0..UNKNOWNS {
-            for j in i + 1..UNKNOWNS {
-                normal.matrix[i][j] = normal.matrix[j][i];
-            }
-        }
-        normal.cost.is_finite().then_some(normal)
+        sums.normal()
     }
-}
-
-/// How a point of the picture moves with each coordinate of the corners.
-struct CornerPull {
-    tag_from_pixel: DMat3,
-    /// From the square -1..1, with each coordinate of the corners moved by [`NUDGE_PX`].
-    moved: [DMat3; 8],
-}
-
-/// Corners move by this for a difference, pixels.
-const NUDGE_PX: f64 = 0.01;
-
-impl CornerPull {
-    fn of(corners_px: &[DVec2; 4]) -> Option<Self> {
-        let mut moved = [DMat3::IDENTITY; 8];
-        for (k, slot) in moved.iter_mut().enumerate() {
-            let mut corners = *corners_px;
-            corners[k / 2][k % 2] += NUDGE_PX;
-            *slot = homography_from_square(&corners)?;
-        }
-        let tag_from_pixel = homography_from_square(corners_px)?.inverse();
-        Some(Self { tag_from_pixel, moved })
-    }
-
-    fn at(&self, p: DVec2) -> [DVec2; 8] {
-        let place = self.tag_from_pixel * DVec3::new(p.x, p.y, 1.0);
-        self.moved.map(|pixel_from_tag| {
-            let q = pixel_from_tag * place;
-            (DVec2::new(q.x / q.z, q.y / q.z) - p) / NUDGE_PX
-        })
-    }
-}
-
-/// The step of damped normal equations; the levels alone where wanted.
-fn solved(normal: &Normal, damping: f64, only_levels: bool) -> Option<[f64; UNKNOWNS]> {
-    let mut matrix = normal.matrix;
-    let mut right = normal.right;
-    let largest = (LEVELS..UNKNOWNS).map(|i| matrix[i][i]).fold(0.0, f64::max);
-    for i in 0..UNKNOWNS {
-        if only_levels && i < LEVELS {
-            matrix[i] = [0.0; UNKNOWNS];
-            matrix.iter_mut().for_each(|row| row[i] = 0.0);
-            (matrix[i][i], right[i]) = (1.0, 0.0);
-        }
-        matrix[i][i] *= 1.0 + damping;
-        if i >= LEVELS {
-            // What lies beyond the rim may be out of sight.
-            matrix[i][i] += 1e-7 * largest;
-        }
-    }
-    matrix[8][8] += 1e-9;
-    solve_positive(&matrix, right)
-}
-
-/// The half width that holds 68.27 % of the errors of the corners' coordinates, from each one's own variance.
-fn sigma_of(normal: &Normal, deviation: f64, floor_px: f64) -> Option<f64> {
-    let mut variances = [0.0; 8];
-    for (i, variance) in variances.iter_mut().enumerate() {
-        let mut unit = [0.0; UNKNOWNS];
-        unit[i] = 1.0;
-        let undamped = Normal { matrix: normal.matrix, right: unit, cost: 0.0 };
-        *variance = solved(&undamped, 0.0, false)?[i] * deviation * deviation + floor_px * floor_px;
-    }
-    Some(normal::half_width(&variances))
 }

@@ -53,6 +53,8 @@ pub fn draw_light(
 ) -> Image<f64> {
     let homography = super::tag_pose::homography_from_square(corners_px).expect("a proper square");
     let tag_from_pixel: DMat3 = homography.inverse();
+    let cells: [[bool; 8]; 8] =
+        std::array::from_fn(|row| std::array::from_fn(|column| cell_is_white(id, column as i32, row as i32)));
     let linear = |p: DVec2| {
         let q = tag_from_pixel * DVec3::new(p.x, p.y, 1.0);
         // Tag coordinates: the black square is -1..1, y down.
@@ -62,7 +64,7 @@ pub fn draw_light(
         }
         let (column, row) = (((x + 1.0) * 4.0).floor() as i32, ((y + 1.0) * 4.0).floor() as i32);
         let inside = (0..8).contains(&column) && (0..8).contains(&row);
-        if !inside || cell_is_white(id, column, row) { white } else { black }
+        if !inside || cells[row as usize][column as usize] { white } else { black }
     };
     let mut light = Image::filled(width, height, 0.0);
     for j in 0..height {

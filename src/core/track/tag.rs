@@ -4,6 +4,9 @@ use super::blurred::{BlurredScratch, refine_blurred};
 use super::edges::{self, EdgeScratch, RefinedCorners};
 use super::region::MIN_SIDE_PX;
 pub use super::region::Region;
+
+mod sys;
+
 use crate::model::image::Image;
 use apriltag::{Detector, Family};
 use glam::DVec2;
@@ -33,6 +36,8 @@ pub struct TagOptions {
     pub mended_bits: u32,
     /// Detections whose decision margin is below this are dropped.
     pub min_decision_margin: f32,
+    /// Cells of the black border, 1 or 2. Kalibr's boards have two.
+    pub border_cells: u32,
     /// Linear light for each 8-bit value: what the camera's response undoes. Only its shape matters.
     pub linear_of_value: Box<[f32; 256]>,
 }
@@ -46,6 +51,7 @@ impl Default for TagOptions {
             refine: true,
             mended_bits: 1,
             min_decision_margin: 20.0,
+            border_cells: 1,
             linear_of_value: Box::new(edges::srgb_table()),
         }
     }
@@ -122,10 +128,14 @@ impl TagDetector {
     /// Makes a detector of family tag36h11 that works on the calling thread alone.
     pub fn new(options: TagOptions) -> Result<Self, TagError> {
         check(&options)?;
-        let mut library = Detector::builder()
-            .add_family_bits(Family::tag_36h11(), options.mended_bits as usize)
-            .build()
-            .map_err(|error| TagError::Library(error.to_string()))?;
+        let mut library = match options.border_cells {
+            1 => Detector::builder()
+                .add_family_bits(Family::tag_36h11(), options.mended_bits as usize)
+                .build()
+                .map_err(|error| TagError::Library(error.to_string()))?,
+            _ => sys::two_cell_border(options.mended_bits)
+                .ok_or_else(|| TagError::Library("it makes no detector".into()))?,
+        };
         library.set_thread_number(1);
         Ok(Self {
             options,
@@ -296,6 +306,9 @@ fn check(options: &TagOptions) -> Result<(), TagError> {
     }
     if !(0.0..=5.0).contains(&options.quad_sigma_px) {
         return fail("quad_sigma_px", options.quad_sigma_px.to_string(), "within 0..=5 pixels");
+    }
+    if !(1..=2).contains(&options.border_cells) {
+        return fail("border_cells", options.border_cells.to_string(), "1 or 2");
     }
     if options.mended_bits > 2 {
         return fail("mended_bits", options.mended_bits.to_string(), "0, 1 or 2");

@@ -1,10 +1,15 @@
 //! A whole tag36h11 tag as a picture: which cells are white, where a homography puts them, how a blur spreads them.
 
+use super::normal;
 use super::tag_pose::homography_from_square;
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 /// Masks: the white of cells and rim, and what lies beyond the rim on each of the four sides. Black is what is left.
 pub const MASKS: usize = 5;
+/// Variance of a pixel's own box, square pixels.
+const BOX: f64 = 1.0 / 12.0;
+/// A blurred border is felt up to this many of its standard deviations away.
+const FELT: f64 = 4.0;
 /// The rim's outer border where the black square is -1..1: one cell beyond it.
 pub const RIM: f64 = 1.25;
 /// Columns, or rows, of cells with the rim, and one beyond on either side.
@@ -25,16 +30,10 @@ impl Cells {
         self.0 ^= 1 << (column + 8 * row);
     }
 
-    /// The mask of a column and a row of cells, the rim being 1 and 10, and what lies beyond 0 and 11; `None` for black.
-    fn mask_of(self, column: usize, row: usize) -> Option<usize> {
-        match (column, row) {
-            (11, _) => Some(1),
-            (0, _) => Some(2),
-            (_, 11) => Some(3),
-            (_, 0) => Some(4),
-            (1 | 10, _) | (_, 1 | 10) => Some(0),
-            _ => self.is_white(column - 2, row - 2).then_some(0),
-        }
+    /// Whether a column and a row of cells are white, the rim being 1 and 10, and what lies beyond 0 and 11 (white, too).
+    fn is_light(self, column: usize, row: usize) -> bool {
+        let inner = 2..10;
+        !(inner.contains(&column) && inner.contains(&row)) || self.is_white(column - 2, row - 2)
     }
 }
 
@@ -82,15 +81,34 @@ impl TagPatch {
 /// A drawn tag: for every pixel of its patch the share of each mask, blurred. Keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct Template {
-    /// Shares, pixel by pixel, row by row.
-    pub shares: Vec<[f32; MASKS]>,
-    /// Where the middle of each pixel lies on the tag.
+    /// Where the middle of each pixel lies on the tag, row by row.
     pub places: Vec<[f32; 2]>,
-    rows: Vec<[f32; MASKS]>,
+    /// The share of all that is not black, and of what it was drawn; then the same blurred.
+    sharp: Vec<f32>,
+    sharp_of: Option<(Cells, [DVec2; 4], TagPatch)>,
+    light: Vec<f32>,
+    rows: Vec<f32>,
     kernel: Vec<f32>,
+    /// Blurs of the rim's four borders where the black square is -1..1: right, left, lower, upper.
+    rim: [f64; 4],
 }
 
 impl Template {
+    /// Where the pixels of a patch lie on a tag, without drawing it. `None` for corners that are no proper quadrangle.
+    pub fn lay(&mut self, corners_px: &[DVec2; 4], patch: &TagPatch) -> Option<()> {
+        let tag_from_pixel = homography_from_square(corners_px)?.inverse();
+        self.places.clear();
+        self.sharp_of = None;
+        for y in 0..patch.height {
+            for x in 0..patch.width {
+                let p = patch.middle_of(x, y);
+                let q = tag_from_pixel * DVec3::new(p.x, p.y, 1.0);
+                self.places.push([(q.x / q.z) as f32, (q.y / q.z) as f32]);
+            }
+        }
+        Some(())
+    }
+
     /// Draws a tag into a patch, each pixel the mean over its area, then blurred by a Gaussian of `blur_px`. `None`
     /// for corners that are no proper quadrangle.
     pub fn draw(
@@ -100,25 +118,64 @@ impl Template {
         blur_px: f64,
         patch: &TagPatch,
     ) -> Option<()> {
-        let tag_from_pixel = homography_from_square(corners_px)?.inverse();
-        self.shares.clear();
-        self.places.clear();
-        for y in 0..patch.height {
-            for x in 0..patch.width {
-                let p = patch.middle_of(x, y);
-                let q = tag_from_pixel * DVec3::new(p.x, p.y, 1.0);
-                let (u, v) = (q.x / q.z, q.y / q.z);
-                let slope = |column: DVec3| {
-                    DVec2::new(column.x - u * column.z, column.y - v * column.z).abs() / q.z.abs()
-                };
-                let (by_x, by_y) = (slope(tag_from_pixel.x_axis), slope(tag_from_pixel.y_axis));
-                self.places.push([u as f32, v as f32]);
-                let columns = Bands::of(u, by_x.x, by_y.x);
-                self.shares.push(shares_of(cells, &columns, &Bands::of(v, by_x.y, by_y.y)));
-            }
+        let pixel_from_tag = homography_from_square(corners_px)?;
+        let tag_from_pixel = pixel_from_tag.inverse();
+        // Another blur of the same tag needs no other drawing.
+        let what = Some((cells, *corners_px, *patch));
+        if self.sharp_of != what {
+            self.draw_sharp(cells, &tag_from_pixel, patch);
+            self.sharp_of = what;
+        }
+        let borders = [(RIM, 0.0), (-RIM, 0.0), (0.0, RIM), (0.0, -RIM)];
+        for (slot, (u, v)) in self.rim.iter_mut().zip(borders) {
+            let p = pixel_from_tag * DVec3::new(u, v, 1.0);
+            let (_, by_x, by_y) = place_of(&tag_from_pixel, DVec2::new(p.x, p.y) / p.z);
+            let across = if v == 0.0 { by_x.x.hypot(by_y.x) } else { by_x.y.hypot(by_y.y) };
+            *slot = across * (blur_px * blur_px + BOX).sqrt();
         }
         self.blur(blur_px, patch);
         Some(())
+    }
+
+    fn draw_sharp(&mut self, cells: Cells, tag_from_pixel: &DMat3, patch: &TagPatch) {
+        self.sharp.clear();
+        self.places.clear();
+        for y in 0..patch.height {
+            for x in 0..patch.width {
+                let (place, by_x, by_y) = place_of(tag_from_pixel, patch.middle_of(x, y));
+                self.places.push([place.x as f32, place.y as f32]);
+                // Nothing is black beyond the square.
+                let outside = (place.abs() - 0.5 * (by_x + by_y)).max_element() > 1.0;
+                self.sharp.push(if outside {
+                    1.0
+                } else {
+                    let columns = Bands::of(place.x, by_x.x, by_y.x);
+                    light_share(cells, &columns, &Bands::of(place.y, by_x.y, by_y.y))
+                });
+            }
+        }
+    }
+
+    /// The shares of the masks at a pixel. The borders of the rim are straight: what lies beyond follows from the distance.
+    pub fn shares(&self, at: usize) -> [f32; MASKS] {
+        let [u, v] = self.places[at].map(f64::from);
+        let mut shares = [self.light[at], 0.0, 0.0, 0.0, 0.0];
+        if u.abs().max(v.abs()) < RIM - FELT * self.rim.iter().fold(0.0, |m: f64, w| m.max(*w)) {
+            return shares;
+        }
+        let past = |t: f64, width: f64| {
+            let z = (t - RIM) / width;
+            if z.abs() > FELT { f64::from(z > 0.0) } else { 0.5 + 0.5 * normal::within(z.abs()).copysign(z) }
+        };
+        let [right, left, lower, upper] = self.rim;
+        let (right, left) = (past(u, right), past(-u, left));
+        let between = (1.0 - right - left).max(0.0);
+        let beyond = [right, left, between * past(v, lower), between * past(-v, upper)];
+        for (share, beyond) in shares[1..].iter_mut().zip(beyond) {
+            *share = beyond as f32;
+        }
+        shares[0] = (shares[0] - beyond.iter().sum::<f64>() as f32).max(0.0);
+        shares
     }
 
     /// A Gaussian along rows, then along columns; what lies outside the patch repeats its border.
@@ -129,29 +186,43 @@ impl Template {
         let sum = 2.0 * self.kernel.iter().sum::<f32>() - self.kernel[0];
         self.kernel.iter_mut().for_each(|w| *w /= sum);
         let (width, height) = (patch.width, patch.height);
-        self.rows.clear();
-        self.rows.resize(width * height, [0.0; MASKS]);
-        let spread =
-            |from: &[[f32; MASKS]], to: &mut [[f32; MASKS]], along: usize, step: usize, at: usize| {
-                let position = at / step % along;
-                let base = at - position * step;
-                let mut sum = from[at].map(|v| v * self.kernel[0]);
-                for (k, weight) in self.kernel.iter().enumerate().skip(1) {
-                    let before = &from[base + position.saturating_sub(k) * step];
-                    let after = &from[base + (position + k).min(along - 1) * step];
-                    for (sum, (b, a)) in sum.iter_mut().zip(before.iter().zip(after)) {
-                        *sum += weight * (b + a);
-                    }
-                }
-                to[at] = sum;
-            };
-        for at in 0..width * height {
-            spread(&self.shares, &mut self.rows, width, 1, at);
+        self.rows.resize(width * height, 0.0);
+        self.light.resize(width * height, 0.0);
+        for (to, from) in self.rows.chunks_exact_mut(width).zip(self.sharp.chunks_exact(width)) {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = self.kernel[0] * from;
+            }
+            for (k, weight) in self.kernel.iter().enumerate().skip(1) {
+                let inside = width.saturating_sub(k);
+                let (first, last) = (from[0], from[width - 1]);
+                // Neighbours on the left, then on the right.
+                to[..width - inside].iter_mut().for_each(|t| *t += weight * first);
+                to[width - inside..].iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
+                to[..inside].iter_mut().zip(&from[width - inside..]).for_each(|(t, f)| *t += weight * f);
+                to[inside..].iter_mut().for_each(|t| *t += weight * last);
+            }
         }
-        for at in 0..width * height {
-            spread(&self.rows, &mut self.shares, height, width, at);
+        for (y, to) in self.light.chunks_exact_mut(width).enumerate() {
+            let row = |y: usize| &self.rows[y * width..(y + 1) * width];
+            for (to, from) in to.iter_mut().zip(row(y)) {
+                *to = self.kernel[0] * from;
+            }
+            for (k, weight) in self.kernel.iter().enumerate().skip(1) {
+                let (above, below) = (row(y.saturating_sub(k)), row((y + k).min(height - 1)));
+                for ((to, a), b) in to.iter_mut().zip(above).zip(below) {
+                    *to += weight * (a + b);
+                }
+            }
         }
     }
+}
+
+/// Where a pixel lies on the tag, and by how much (without sign) that changes over its width and its height.
+fn place_of(tag_from_pixel: &DMat3, p: DVec2) -> (DVec2, DVec2, DVec2) {
+    let q = *tag_from_pixel * DVec3::new(p.x, p.y, 1.0);
+    let place = DVec2::new(q.x, q.y) / q.z;
+    let slope = |column: DVec3| (DVec2::new(column.x, column.y) - place * column.z).abs() / q.z.abs();
+    (place, slope(tag_from_pixel.x_axis), slope(tag_from_pixel.y_axis))
 }
 
 /// The shares of one pixel in neighbouring columns (or rows) of cells.
@@ -166,7 +237,7 @@ impl Bands {
     /// `a` and `b`: exact for straight borders.
     fn of(t: f64, a: f64, b: f64) -> Self {
         let reach = 0.5 * (a + b);
-        let band = |t: f64| ((t + RIM) * 4.0).floor().clamp(-1.0, 10.0) + 1.0;
+        let band = |t: f64| ((t + RIM) * 4.0 + 1.0).clamp(0.0, 11.0);
         let (first, last) = (band(t - reach) as usize, band(t + reach) as usize);
         let mut shares = [0.0; BANDS];
         if first == last {
@@ -200,15 +271,16 @@ fn share_below(t: f64, a: f64, b: f64) -> f64 {
     (sum / (8.0 * wide * narrow)).clamp(0.0, 1.0)
 }
 
-/// Shares of one pixel, taking columns and rows as independent (they are but for the cells' own corners).
-fn shares_of(cells: Cells, columns: &Bands, rows: &Bands) -> [f32; MASKS] {
-    let mut shares = [0.0; MASKS];
+/// The share of one pixel that is not black, taking columns and rows as independent (they are but for the cells' own
+/// corners).
+fn light_share(cells: Cells, columns: &Bands, rows: &Bands) -> f32 {
+    let mut share = 0.0;
     for (row, height) in rows.iter() {
         for (column, width) in columns.iter() {
-            if let Some(mask) = cells.mask_of(column, row) {
-                shares[mask] += (width * height) as f32;
+            if cells.is_light(column, row) {
+                share += width * height;
             }
         }
     }
-    shares
+    share as f32
 }

@@ -4,10 +4,11 @@
 //! A mesh is taken apart into its connected pieces (`pieces`). A piece is thin where its volume over its surface is small
 //! against its extent and its surface is flat for the most part, or where it is a straight bar. Thin pieces are cut along
 //! their own flat sides into blocks, of which boxes are put together, the one that covers most first (`blocks`). Where few boxes
-//! cover it well they stand for the piece; else spheres do, as for all that is not thin. All in a fixed order: equal
-//! meshes give equal boxes.
+//! cover it well they stand for the piece. Rods that are bent, closed or tapered become chains of boxes along their axis
+//! (`chain`). Else spheres do, as for all that is not thin. All in a fixed order: equal meshes give equal boxes.
 
 mod blocks;
+mod chain;
 mod pieces;
 
 use blocks::Blocks;
@@ -48,7 +49,8 @@ pub fn fit(positions: &[Vec3], triangles: &[[u32; 3]], most: usize) -> Vec<Fitte
         if found.len() == most {
             break;
         }
-        found.extend(of_piece(&piece, most - found.len()).into_iter().flatten());
+        let left = most - found.len();
+        found.extend(of_piece(&piece, left).or_else(|| chain::of_rod(&piece, left)).into_iter().flatten());
     }
     found
 }

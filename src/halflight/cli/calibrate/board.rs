@@ -10,7 +10,7 @@ use calib_targets_chessboard::{
 use glam::DVec2;
 
 /// What `--board` may say.
-const BOARDS: &str = "apriltag:COLUMNSxROWS,size=METRES,spacing=GAP, e.g. apriltag:6x6,size=0.088,spacing=0.3, or \
+const BOARDS: &str = "apriltag:COLUMNSxROWS,size=METRES,spacing=GAP and border=2 for Kalibr's own prints, e.g. apriltag:6x6,size=0.088,spacing=0.3, or \
                       chessboard:COLUMNSxROWS,size=METRES with the corners inside, e.g. chessboard:9x6,size=0.025";
 /// Most tags of a board; the family has 587.
 const MOST_TAGS: u32 = 587;
@@ -24,8 +24,8 @@ const MOST_CORNERS: u32 = 100;
 /// A flat board with points at known places.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CalibrationBoard {
-    /// Tags of family tag36h11.
-    Tags(AprilGrid),
+    /// Tags of family tag36h11, and the cells of their border.
+    Tags(AprilGrid, u32),
     /// Black and white squares.
     Chess(ChessBoard),
 }
@@ -56,11 +56,14 @@ impl CalibrationBoard {
             .and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)))
             .ok_or_else(|| wrong("no grid".into()))?;
         let (mut size_m, mut spacing) = (0.0, if is_chess { 0.0 } else { f64::NAN });
+        let mut border_cells = 1;
         for part in parts {
             let number = |text: &str| text.parse::<f64>().map_err(|_e| wrong(format!("\"{part}\"")));
             match part.split_once('=') {
                 Some(("size", text)) => size_m = number(text)?,
                 Some(("spacing", text)) if !is_chess => spacing = number(text)?,
+                Some(("border", "1")) if !is_chess => border_cells = 1,
+                Some(("border", "2")) if !is_chess => border_cells = 2,
                 _ => return Err(wrong(format!("\"{part}\""))),
             }
         }
@@ -80,7 +83,7 @@ impl CalibrationBoard {
         }
         Ok(match is_chess {
             true => Self::Chess(ChessBoard { columns, rows, size_m }),
-            false => Self::Tags(AprilGrid { columns, rows, size_m, spacing }),
+            false => Self::Tags(AprilGrid { columns, rows, size_m, spacing }, border_cells),
         })
     }
 }
@@ -97,7 +100,10 @@ impl BoardFinder {
     /// For a board.
     pub fn new(board: &CalibrationBoard) -> Result<Self, CliError> {
         Ok(match board {
-            CalibrationBoard::Tags(grid) => Self::Tags(*grid, TagDetector::new(TagOptions::thorough())?),
+            CalibrationBoard::Tags(grid, border_cells) => {
+                let options = TagOptions { border_cells: *border_cells, ..TagOptions::thorough() };
+                Self::Tags(*grid, TagDetector::new(options)?)
+            }
             CalibrationBoard::Chess(board) => {
                 let detector = ChessboardDetector::new(ChessboardParams::default());
                 Self::Chess(*board, detector.map_err(|e| CliError(e.to_string()))?)
@@ -169,7 +175,8 @@ mod tests {
     fn boards_are_read_and_mistakes_say_what_is_allowed() {
         let tags = AprilGrid { columns: 6, rows: 5, size_m: 0.088, spacing: 0.3 };
         let read = |text| CalibrationBoard::parse(text).unwrap();
-        assert_eq!(read("apriltag:6x5,size=0.088,spacing=0.3"), CalibrationBoard::Tags(tags));
+        assert_eq!(read("apriltag:6x5,size=0.088,spacing=0.3"), CalibrationBoard::Tags(tags, 1));
+        assert_eq!(read("apriltag:6x5,size=0.088,spacing=0.3,border=2"), CalibrationBoard::Tags(tags, 2));
         let chess = ChessBoard { columns: 9, rows: 6, size_m: 0.025 };
         assert_eq!(read("chessboard:9x6,size=0.025"), CalibrationBoard::Chess(chess));
         for (text, said) in [
@@ -181,6 +188,7 @@ mod tests {
             ("apriltag:6x6,size=0.1", "spacing = NaN"),
             ("apriltag:6x6,size=x,spacing=0.3", "\"size=x\""),
             ("apriltag:6x6,side=1", "\"side=1\""),
+            ("apriltag:6x6,size=0.1,spacing=0.3,border=3", "\"border=3\""),
             ("chessboard:9x1,size=0.025", "2 to 100 of a side"),
             ("chessboard:9x6,size=0.025,spacing=0.3", "\"spacing=0.3\""),
         ] {

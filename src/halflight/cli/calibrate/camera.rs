@@ -20,7 +20,7 @@ pub struct CameraArguments {
     #[arg(required = true)]
     pictures: Vec<PathBuf>,
     /// The board. apriltag: = a grid of tag36h11 tags as Kalibr lays it out, tag 0 at the lower left; side of a tag's black square
-    /// in metres, gap as a share of it, black borders of one cell. chessboard:9x6,size=0.025 = squares with so many corners inside,
+    /// in metres, gap as a share of it; border=2 for Kalibr's own prints, whose black border has two cells. chessboard:9x6,size=0.025 = squares with so many corners inside,
     /// side of a square in metres; a part of the board is enough.
     #[arg(long, value_name = "apriltag:6x6,size=0.088,spacing=0.3")]
     board: String,
