@@ -97,7 +97,11 @@ fn a_known_lens_is_found_again() {
             100.0 * worst_focal,
             squares.sqrt()
         );
-        assert!(worst_focal < 0.002 && worst_px < 0.3 && corner_px < 0.7, "{name}: {worst_focal} {worst_px}");
+        // In the corners 0.3 px was wanted: no point of a board is seen there, and the polynomial goes on as it likes.
+        assert!(
+            worst_focal < 6e-4 && worst_px < 0.18 && corner_px < 0.45,
+            "{name}: {worst_focal} {worst_px} {corner_px}"
+        );
         // The stated deviations are those of the errors.
         assert!((0.5..1.8).contains(&squares.sqrt()), "{name}: {squares}");
     }
