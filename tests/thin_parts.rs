@@ -272,11 +272,11 @@ fn rod(dice: &mut Dice, bend: Bend, tapers: bool, slender: f32) -> Mesh {
     mesh
 }
 
-/// Rods whose length is 42 to 250 times their radius (shorter ones are covered by spheres): 24 of them, with
+/// Rods whose length is 42 to 250 times their radius (shorter ones are covered by spheres): 12 of them, with
 /// HALFLIGHT_ALL_RODS=1 204.
 #[test]
 fn rods_of_any_shape_take_what_they_should() {
-    let count = if std::env::var_os("HALFLIGHT_ALL_RODS").is_some() { 204 } else { 24 };
+    let count = if std::env::var_os("HALFLIGHT_ALL_RODS").is_some() { 204 } else { 12 };
     let kinds = [
         (Bend::Straight, false),
         (Bend::Arc, false),

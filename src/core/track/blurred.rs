@@ -14,7 +14,7 @@ use super::template::{Cells, RIM, TagPatch, Template};
 use crate::model::image::Image;
 use curve::Curve;
 use glam::DVec2;
-use sums::{CornerPull, LEVEL_COUNT, LEVELS, Normal, Sums, UNKNOWNS, weights};
+use sums::{CornerPull, FitSums, LEVEL_COUNT, LEVELS, Normal, UNKNOWNS, weights};
 
 mod curve;
 mod sums;
@@ -52,7 +52,7 @@ const MARGIN_PX: f64 = 4.0;
 const FLOOR_PX: (f64, f64) = (0.0015, 0.006);
 /// Below this share of a square's area (over that of its longest side) errors are larger than the residuals tell, as cells seen
 /// from the side are narrow: by how much more of sigma, and of the second floor, for each share. Measured on drawn tags.
-const OBLIQUE: (f64, f64, f64) = (0.6, 2.0, 15.0);
+const OBLIQUE: (f64, f64, f64) = (0.6, 2.0, 8.0);
 
 /// Memory of the fit, reused from tag to tag.
 #[derive(Clone, Debug, Default)]
@@ -414,7 +414,7 @@ impl<'a> Fit<'a> {
     /// Fits the levels to the light of the pixels, with the cells, the corners and the blur as they were drawn.
     fn level(&self, guess: &mut Guess) -> Option<()> {
         let BlurredScratch { curve, pixels, light, parts, .. } = &*self.scratch;
-        let mut sums = Sums::new();
+        let mut sums = FitSums::new();
         for seen in pixels {
             let at = seen.at as usize;
             let (value, slope) = curve.encode(light[at]);
@@ -431,7 +431,7 @@ impl<'a> Fit<'a> {
         let pull = CornerPull::of(&guess.corners_px, middle)?;
         let width = self.patch.width;
         let (limit, variance) = (HUBER as f32 * self.noise as f32, (guess.blur_px * guess.blur_px) as f32);
-        let mut sums = Sums::new();
+        let mut sums = FitSums::new();
         for seen in pixels {
             let at = seen.at as usize;
             let (value, slope) = curve.encode(light[at]);

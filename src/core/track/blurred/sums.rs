@@ -1,4 +1,4 @@
-//! Sums of one step of Gauss and Newton, and what follows from them.
+//! FitSums of one step of Gauss and Newton, and what follows from them.
 
 use super::super::{normal, tag_pose::homography_from_square, template::MASKS};
 use crate::math::solve::solve_positive;
@@ -28,13 +28,13 @@ pub fn weights(shares: &[f32; MASKS], [u, v]: [f32; 2]) -> [f32; LEVEL_COUNT] {
 }
 
 /// Products of rows, added up.
-pub struct Sums {
+pub struct FitSums {
     run: [[[f32; LANES]; ROW / LANES]; ROW],
     in_run: usize,
     total: [[f64; ROW]; ROW],
 }
 
-impl Sums {
+impl FitSums {
     /// Nothing yet.
     pub fn new() -> Self {
         Self { run: [[[0.0; LANES]; ROW / LANES]; ROW], in_run: 0, total: [[0.0; ROW]; ROW] }

@@ -32,7 +32,7 @@ const SAME_PLACE: f32 = 1e-5;
 
 /// A section of a rod.
 #[derive(Clone, Copy)]
-struct Section {
+struct RodSection {
     middle: Vec3,
     /// The root of its area straight to the axis.
     root: f32,
@@ -153,7 +153,7 @@ impl Surface {
     }
 
     /// Sections at even distances.
-    fn sections(&self, order: &Order) -> Option<Vec<Section>> {
+    fn sections(&self, order: &Order) -> Option<Vec<RodSection>> {
         let step = order.length / SECTIONS as f32;
         let mut outlines: Vec<Vec<[Vec3; 2]>> = vec![Vec::new(); SECTIONS];
         for triangle in &self.triangles {
@@ -196,7 +196,7 @@ impl Surface {
             let direction = (found[after].1.middle - found[before].1.middle).try_normalize()?;
             let root = outline.area.dot(direction).abs().sqrt();
             if outline.farthest < WIDEST * root / std::f32::consts::PI.sqrt() {
-                sections.push(Section { middle: outline.middle, root });
+                sections.push(RodSection { middle: outline.middle, root });
             } else if !is_end(*k) {
                 return None;
             }
@@ -249,13 +249,13 @@ fn measured(outline: &[[Vec3; 2]]) -> Option<Outline> {
 
 /// A rod's axis: its sections, of a ring the first once more at the end.
 struct Axis {
-    sections: Vec<Section>,
+    sections: Vec<RodSection>,
     /// Length up to each.
     up_to: Vec<f32>,
 }
 
 impl Axis {
-    fn of(mut sections: Vec<Section>, order: &Order, surface: &Surface) -> Option<Self> {
+    fn of(mut sections: Vec<RodSection>, order: &Order, surface: &Surface) -> Option<Self> {
         if order.is_ring {
             sections.push(*sections.first()?);
         } else {
@@ -265,10 +265,10 @@ impl Axis {
                 return None;
             }
             let (first, last) = (sections[0], sections[count - 1]);
-            let tip = |section: Section, inner: Section, end: usize| {
+            let tip = |section: RodSection, inner: RodSection, end: usize| {
                 let out = (section.middle - inner.middle).normalize_or_zero();
                 let far = (surface.points[end] - section.middle).dot(out).max(0.0);
-                Section { middle: section.middle + out * far, ..section }
+                RodSection { middle: section.middle + out * far, ..section }
             };
             sections.insert(0, tip(first, sections[1], order.ends[0]));
             let inner = sections[sections.len() - 2];
