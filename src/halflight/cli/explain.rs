@@ -1,6 +1,7 @@
 //! `halflight explain`: which effects a frame has, which it keeps and which it does without, and why.
 
 use super::capture_steps::{CaptureStep, steps_of};
+use super::effect_times::PassTimes;
 use super::output::{camera_of, need_frame, shown};
 use super::progress::{Bar, host};
 use super::{CliError, GlobalOptions, quality_flags::QualityFlags, render::is_scene_file};
@@ -48,9 +49,13 @@ pub struct ExplainArguments {
     quality: QualityFlags,
 }
 
+/// A still is drawn so often for its times.
+const STILL_RUNS: usize = 3;
+
 /// A frame that was planned.
 struct Explained {
     plan: FramePlan,
+    times: PassTimes,
     /// What is done to a recording's frames before anything is drawn.
     capture: Vec<CaptureStep>,
     /// Number of the frame, and what the viewer got, of a recording.
@@ -97,8 +102,10 @@ fn of_still(
         let case = case::load(input)?;
         CaseStills::new(&case, &default_image(&case)?)?.still(quality, &host())
     };
-    let drawn = still.draw(engine.as_mut(), quality, None, 0)?;
-    Ok(Explained { plan: drawn.plan, capture: Vec::new(), frame: None })
+    let drawn = still.draw(engine.as_mut(), quality, None, STILL_RUNS)?;
+    let mut times = PassTimes::default();
+    times.add(&drawn.timings);
+    Ok(Explained { plan: drawn.plan, times, capture: Vec::new(), frame: None })
 }
 
 fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<Explained, CliError> {
@@ -115,9 +122,10 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
     let prepared = prepare(&settings, &host())?;
     let capture = steps_of(&prepared);
     let total = prepared.source.frames_left().map(|n| arguments.frame.map_or(n, |frame| n.min(frame + 1)));
-    let mut last = LastShown { shown: None, bar: Bar::of_count(total, "frames") };
+    let mut last =
+        LastShown { shown: None, times: PassTimes::default(), bar: Bar::of_count(total, "frames") };
     let ran = run_prepared(prepared, &settings, &mut last)?;
-    let LastShown { shown, bar } = last;
+    let LastShown { shown, times, bar } = last;
     drop(bar);
     let Some(shown) = shown else { return Err(CliError::on(&name, "holds no frames")) };
     if let Some(wanted) = arguments.frame.filter(|&wanted| wanted >= ran.counts.frames) {
@@ -127,18 +135,20 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
             ran.counts.frames - 1
         )));
     }
-    Ok(Explained { plan: ran.last_plan, capture, frame: Some((ran.counts.frames - 1, shown)) })
+    Ok(Explained { plan: ran.last_plan, times, capture, frame: Some((ran.counts.frames - 1, shown)) })
 }
 
 /// What became of the newest frame.
 struct LastShown {
     shown: Option<Shown>,
+    times: PassTimes,
     bar: Bar,
 }
 
 impl FrameSink for LastShown {
     fn accept(&mut self, finished: &FinishedFrame<'_>) -> Result<bool, PipelineError> {
         self.shown = Some(finished.outcome.shown);
+        self.times.add(finished.passes);
         self.bar.add_one();
         Ok(true)
     }
@@ -171,26 +181,29 @@ fn table(explained: &Explained) -> String {
     for step in &explained.capture {
         out += &format!("{:<18}{:<24}{}\n", step.name, step.verdict(), step.reason);
     }
-    out += &format!("{:<18}{:<6}{:>8} {:>9}  why\n", "effect", "", "work", "without");
-    for decision in &explained.plan.decisions {
+    out += &format!("{:<18}{:<6}{:>8} {:>8} {:>9}  why\n", "effect", "", "work", "ms", "without");
+    for (decision, ms) in explained.plan.decisions.iter().zip(explained.times.of(&explained.plan.decisions)) {
         out += &format!(
-            "{:<18}{:<6}{:>8.2} {:>9}  {}\n",
+            "{:<18}{:<6}{:>8.2} {:>8} {:>9}  {}\n",
             decision.effect.name(),
             decision.verdict.name(),
             decision.saving,
+            ms.map_or("-".to_owned(), |ms| format!("{ms:.2}")),
             bound_text(decision),
             decision.reason
         );
     }
     out += "work: in millions of composed pixels, roughly; saved where kept or off\n";
+    out += "ms: on this machine and engine, as timed (medians), by work where a pass draws several effects; an estimate where kept or off\n";
     out + "without: what doing without it changes at most in any pixel, of what that shows in open light; -: no bound\n"
 }
 
 fn json(arguments: &ExplainArguments, explained: &Explained) -> serde_json::Value {
-    let decision = |d: &Decision| {
+    let all_ms = explained.times.of(&explained.plan.decisions);
+    let decision = |(d, ms): (&Decision, Option<f64>)| {
         serde_json::json!({
             "effect": d.effect.name(), "pass": d.effect.pass().map(|p| p.name()), "verdict": d.verdict.name(),
-            "reason": d.reason, "saving": d.saving, "error_bound": d.error_bound,
+            "reason": d.reason, "saving": d.saving, "ms": ms, "error_bound": d.error_bound,
         })
     };
     serde_json::json!({
@@ -203,6 +216,6 @@ fn json(arguments: &ExplainArguments, explained: &Explained) -> serde_json::Valu
         }),
         "shown_as_it_is": explained.plan.passes_through,
         "capture": explained.capture.iter().map(CaptureStep::json).collect::<Vec<_>>(),
-        "decisions": explained.plan.decisions.iter().map(decision).collect::<Vec<_>>(),
+        "decisions": explained.plan.decisions.iter().zip(all_ms).map(decision).collect::<Vec<_>>(),
     })
 }

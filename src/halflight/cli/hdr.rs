@@ -1,6 +1,7 @@
 //! `halflight hdr`: exposures of one view into one linear picture.
 
 use super::output::{OutputFormat, shown, write_file};
+use super::progress::Bar;
 use super::{CliError, GlobalOptions};
 use crate::{
     assets::pictures,
@@ -73,6 +74,9 @@ pub struct HdrArguments {
     pub save_response: Option<PathBuf>,
 }
 
+/// What the bar counts beside the pictures: black taken off, pictures laid over one another, the response.
+const STEPS: u64 = 3;
+
 /// Runs `halflight hdr`.
 ///
 /// # Errors
@@ -81,7 +85,9 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
     let allowed = [OutputFormat::Exr, OutputFormat::Hdr, OutputFormat::Png];
     let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     let (mut files, times_s) = pair_up(&arguments)?;
-    let pictures = files.iter().map(|file| pictures::load_rgb8(file)).collect::<Result<Vec<_>, _>>()?;
+    let bar = Bar::of_count(Some(files.len() as u64 + STEPS), "steps");
+    let load = |file| pictures::load_rgb8(file).inspect(|_| bar.add_one());
+    let pictures = files.iter().map(load).collect::<Result<Vec<_>, _>>()?;
     check_sizes(&files, &pictures)?;
     let mut bracket = LoadedBracket::new(pictures, &times_s);
     let sorted_out = bracket.sort_out(&mut files);
@@ -95,6 +101,7 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
     if black != [0; 3] {
         bracket.pictures.iter_mut().for_each(|picture| *picture = clip_black(picture, black));
     }
+    bar.add_one();
     // What false times would make of the pictures cannot be compared.
     let moved = if plain.sound() && !arguments.no_align {
         let first = choose_response(&arguments, &bracket)?;
@@ -102,15 +109,18 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
     } else {
         Vec::new()
     };
+    bar.add_one();
     let mut chosen = choose_response(&arguments, &bracket)?;
     chosen.warnings.splice(0..0, sorted_out);
     chosen.warnings.extend(moved);
     if plain.sound() && !arguments.keep_ghosts {
         chosen.warnings.extend(bracket.lay_ghosts(&chosen.response, &files));
     }
+    bar.add_one();
     let check = check_exposures(&bracket.refs(), &bracket.exposures, &chosen.response, chosen.tolerance);
     let mut engine = global.open_engine()?;
     let merged = bracket.merge(&chosen.response, engine.as_mut())?;
+    drop(bar);
     if let (Some(out), Some(format)) = (&arguments.out, format) {
         match format {
             OutputFormat::Exr => save_exr_f32(out, &merged.radiance),

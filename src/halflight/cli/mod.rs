@@ -7,6 +7,7 @@ pub mod calibrate;
 mod capture_steps;
 pub mod check;
 pub mod devices;
+mod effect_times;
 pub mod error;
 pub mod explain;
 pub mod figures;

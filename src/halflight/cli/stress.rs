@@ -1,6 +1,7 @@
 //! `halflight stress`: the hard cases, by the textbook and by this program, on the engines at hand.
 
 use super::output::write_file;
+use super::progress::Bar;
 use super::{CliError, GlobalOptions, global_options::EngineChoice, run_folder::need_folder_of};
 use crate::daemon::{engines::gpu, exit};
 use crate::engine::{cpu::CpuEngine, gpu::Backend};
@@ -45,9 +46,14 @@ pub fn run(arguments: StressArguments, global: &GlobalOptions) -> Result<ExitCod
         need_folder_of(file)?;
     }
     let engines = engines(arguments.all, global)?;
-    let report = StressReport::of(engines, &|group: &str, case: &HardCase| {
+    let is_wanted = |group: &str, case: &HardCase| {
         arguments.only.as_ref().is_none_or(|text| group.contains(text) || case.name.contains(text))
-    });
+    };
+    let wanted =
+        GROUPS.iter().flat_map(|group| group.cases.iter().filter(|case| is_wanted(group.title, case)));
+    let bar = Bar::of_count(Some(wanted.count() as u64), "hard cases");
+    let report = StressReport::of(engines, &is_wanted, &|| bar.add_one());
+    drop(bar);
     if report.rows.is_empty() {
         let text = arguments.only.unwrap_or_default();
         let titles = GROUPS.map(|group| group.title).join(", ");

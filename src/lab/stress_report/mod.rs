@@ -65,12 +65,17 @@ impl StressReport {
 }
 
 impl StressReport {
-    /// Runs the cases that are wanted by their group's title and themselves.
-    pub fn of(mut engines: Vec<NamedEngine>, wanted: &dyn Fn(&str, &HardCase) -> bool) -> Self {
+    /// Runs the cases that are wanted by their group's title and themselves; `done` is told after each.
+    pub fn of(
+        mut engines: Vec<NamedEngine>,
+        wanted: &dyn Fn(&str, &HardCase) -> bool,
+        done: &dyn Fn(),
+    ) -> Self {
         let mut rows = Vec::new();
         for group in GROUPS {
             for case in group.cases.iter().filter(|case| wanted(group.title, case)) {
                 rows.push(row(group.title, case, &mut engines));
+                done();
             }
         }
         let column = |(name, engine): NamedEngine| EngineColumn { name, description: engine.description() };
