@@ -87,6 +87,12 @@ fn three_photographs_show_12_22_and_10_tags() {
             let nearest =
                 truth.iter().map(|c| corner_distance(&tag.corners_px, c)).fold(f64::INFINITY, f64::min);
             // The truth is the library's own, as encoded; in linear light edges lie up to 0.3 px further out.
+            if nearest > 0.7 {
+                println!(
+                    "{name}: tag {} is {nearest:.2} px from the library's, sigma {:.3}",
+                    tag.id, tag.corner_sigma_px
+                );
+            }
             worst = worst.max(nearest);
         }
         let plain = detect(TagOptions { refine: false, ..TagOptions::thorough() }, &picture);
@@ -96,7 +102,7 @@ fn three_photographs_show_12_22_and_10_tags() {
             assert!(nearest < 0.35, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
         }
     }
-    // 0.31 px without the refinement. The 1.22 px (0.94 before) are of a tag of 30 px, which is fitted whole with its blur now. The
+    // 0.31 px without the refinement. The 1.33 px (0.94 before) are of a tag of 30 px, which is fitted whole with its blur now. The
     // library's corners are no truth: which of both is nearer on a photograph is not known.
     support::wanted::hold("tags.photographs.corners", worst);
 }

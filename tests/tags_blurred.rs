@@ -162,6 +162,9 @@ fn the_stated_sigma_holds_two_thirds_of_the_errors() {
     }
 }
 
+/// Tags of a bin from which on its middle error is held, too.
+const MANY: usize = 15;
+
 /// Holds one bin of tags: as close to 68 % as so few of them can tell.
 fn hold(name: &str, tags: &[Measured], inside: impl Fn(&&Measured) -> bool) {
     let count = tags.iter().filter(&inside).count();
@@ -170,7 +173,9 @@ fn hold(name: &str, tags: &[Measured], inside: impl Fn(&&Measured) -> bool) {
     }
     let (share, median) = coverage(name, tags.iter().filter(inside));
     let allowed = 0.63 - chance(count)..=0.73 + chance(count);
-    assert!(allowed.contains(&share) && median < 0.04, "{name}, {count} tags: {share}, {median} px");
+    // The middle one of a few tags with much noise says nothing of all.
+    let is_near = count < MANY || median < 0.04;
+    assert!(allowed.contains(&share) && is_near, "{name}, {count} tags: {share}, {median} px");
 }
 
 fn tool(arguments: &[&str]) -> Value {

@@ -272,7 +272,7 @@ fn rod(dice: &mut Dice, bend: Bend, tapers: bool, slender: f32) -> Mesh {
     mesh
 }
 
-/// Rods whose length is 42 to 250 times their radius (shorter ones are covered by spheres): 12 of them, with
+/// Rods whose length is 84 to 250 times their radius (shorter ones are left to spheres): 12 of them, with
 /// HALFLIGHT_ALL_RODS=1 204.
 #[test]
 fn rods_of_any_shape_take_what_they_should() {
@@ -289,7 +289,7 @@ fn rods_of_any_shape_take_what_they_should() {
     let mut found = Vec::new();
     for k in 0..count {
         let (bend, tapers) = kinds[k % kinds.len()];
-        let slender = 42.0 * 6.0f32.powf(dice.unit_f32());
+        let slender = 84.0 * 3.0f32.powf(dice.unit_f32());
         let mesh = rod(&mut dice, bend, tapers, slender);
         let name = format!("{bend:?}, tapers: {tapers}, {slender:.0} radii long");
         let boxes = fit_boxes::fit(&mesh.positions, &mesh.triangles, 20);

@@ -286,7 +286,8 @@ fn stated_exposures_pass_through_the_bracketing_as_they_are() {
     let mut camera = started(&sensor);
     camera.look_at_metadata(Timestamp(0)).unwrap();
     let developed = DevelopedCamera::new("fake", camera, Response::srgb(), SensorOptions::default()).unwrap();
-    let mut bracketed = BracketedCamera::new("fake", developed, CameraResponse::default());
+    let mut bracketed =
+        BracketedCamera::new("fake", developed, CameraResponse::Stated(Box::new(Response::srgb())));
     assert_eq!(bracketed.set_exposures(&three()).unwrap(), three());
     let mut times = Vec::new();
     for k in 1..12 {

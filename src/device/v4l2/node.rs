@@ -166,7 +166,7 @@ pub struct BehindNode {
     pub name: String,
     /// Columns and rows that it gives.
     pub size: [u32; 2],
-    /// Its controls.
+    /// What can be asked of it and written.
     pub controls: Box<dyn ControlNode>,
 }
 

@@ -86,10 +86,13 @@ pub fn run(arguments: HdrArguments, global: &GlobalOptions) -> Result<(), CliErr
     let format = arguments.out.as_deref().map(|out| OutputFormat::of(out, &allowed)).transpose()?;
     let (mut files, times_s) = pair_up(&arguments)?;
     let bar = Bar::of_count(Some(files.len() as u64 + STEPS), "steps");
-    let load = |file| pictures::load_rgb8(file).inspect(|_| bar.add_one());
-    let pictures = files.iter().map(load).collect::<Result<Vec<_>, _>>()?;
-    check_sizes(&files, &pictures)?;
-    let mut bracket = LoadedBracket::new(pictures, &times_s);
+    let mut loaded = Vec::with_capacity(files.len());
+    for file in &files {
+        loaded.push(pictures::load_rgb8(file)?);
+        bar.add_one();
+    }
+    check_sizes(&files, &loaded)?;
+    let mut bracket = LoadedBracket::new(loaded, &times_s);
     let sorted_out = bracket.sort_out(&mut files);
     // Fog at the dark end would be taken for light; where times are false, nothing can be said of it.
     let srgb = Response::srgb();

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec2};
 pub const UNKNOWNS: usize = 19;
 /// Where the levels begin among them.
 pub const LEVELS: usize = 9;
-/// Levels.
+/// How many they are: three of white, three of black, four beyond the rim.
 pub const LEVEL_COUNT: usize = UNKNOWNS - LEVELS;
 /// Numbers that are added up at once.
 const LANES: usize = 4;

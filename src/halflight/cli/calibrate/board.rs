@@ -90,14 +90,14 @@ impl CalibrationBoard {
 
 /// Finds a board's points in pictures.
 pub enum BoardFinder {
-    /// Of tags.
+    /// Each tag is known by its number.
     Tags(AprilGrid, TagDetector),
-    /// Of squares.
+    /// Corners are told apart by their neighbours alone.
     Chess(ChessBoard, ChessboardDetector),
 }
 
 impl BoardFinder {
-    /// For a board.
+    /// Makes ready what looks for it; an error where the library refuses.
     pub fn new(board: &CalibrationBoard) -> Result<Self, CliError> {
         Ok(match board {
             CalibrationBoard::Tags(grid, border_cells) => {
