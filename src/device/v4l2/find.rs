@@ -3,7 +3,7 @@
 
 use super::V4l2Options;
 use super::format::{self, FormatWish};
-use super::node::{EBUSY, NodeFacts, VideoNode};
+use super::node::{EBUSY, ENOTTY, NodeFacts, VideoNode};
 use super::sys::KernelNode;
 use crate::{DeviceError, ErrorKind};
 use std::io;
@@ -144,6 +144,7 @@ fn named(device: &str, wish: &NodeWish, pictures: &FormatWish) -> Result<PathBuf
 
 fn why(error: &io::Error) -> String {
     match error.kind() {
+        _ if error.raw_os_error() == Some(ENOTTY) => "it is no video node".to_owned(),
         io::ErrorKind::PermissionDenied => {
             "permission denied; add the user to the group video: usermod -aG video USER".to_owned()
         }
@@ -154,7 +155,9 @@ fn why(error: &io::Error) -> String {
 /// An error of opening. A camera that is not there, or in somebody's hands, may come: `Reopen`.
 pub fn refusal(device: &str, path: &Path, error: io::Error) -> DeviceError {
     let busy = error.raw_os_error() == Some(EBUSY);
-    let is_for_good = matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::InvalidInput);
+    let is_no_video = error.raw_os_error() == Some(ENOTTY);
+    let is_for_good =
+        is_no_video || matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::InvalidInput);
     let kind = if is_for_good { ErrorKind::Refused } else { ErrorKind::Reopen };
     match holder(path).filter(|_| busy) {
         Some(holder) => {

@@ -8,6 +8,8 @@ use std::time::Duration;
 pub const EINVAL: i32 = 22;
 /// The kernel's number for "the device is gone".
 pub const ENODEV: i32 = 19;
+/// The kernel's number for "this is no such device".
+pub const ENOTTY: i32 = 25;
 /// The kernel's number for "somebody else has it".
 pub const EBUSY: i32 = 16;
 

@@ -95,7 +95,7 @@ const CAMERAS: [(&str, &str); 5] = [
     ("v4l2:/dev/video0", "a camera of the kernel; also v4l2:card=TEXT; with size=640x480,fps=30,format=YUYV"),
     (
         "libcamera:ID",
-        "a sensor behind libcamera, by its name or a part of it; needs a build with the feature libcamera",
+        "a sensor behind libcamera, by its name or a part of it, where the program was built with it",
     ),
     ("synthetic:OPTIONS", "a virtual room with known truth, e.g. synthetic:frames=90,seed=1,size=640x480"),
     ("replay:FILE.mcap", "a recording made by `halflight record` or `halflight synth`"),

@@ -256,6 +256,11 @@ fn draw(
         return Err(CliError("interrupted before the first frame: nothing is recorded".into())
             .with_status(exit::INTERRUPTED));
     }
+    if seen.frames == 0 {
+        let why =
+            "it gave no frame (is its topic there, and does it begin after the end?): nothing is recorded";
+        return Err(CliError(why.into()));
+    }
     seen.truth = frames.truth();
     drop(bar);
     Ok(seen)

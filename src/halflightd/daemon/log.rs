@@ -66,6 +66,8 @@ pub fn to_stderr(default: Level, loudness: Loudness) {
     };
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| StandardError)
+        // Lines go into files and journals as often as onto screens.
+        .with_ansi(false)
         .with_target(false)
         .log_internal_errors(false);
     tracing_subscriber::registry().with(lines).with(filter).init();

@@ -18,6 +18,8 @@ const MOST_TAGS: u32 = 587;
 const NEAR: f64 = 0.6;
 const LEAST_PX: f64 = 2.5;
 const MOST_PX: f64 = 10.0;
+/// One in so many corners may lie outside of the board.
+const OUTSIDE: usize = 16;
 /// Most corners of a side of a chessboard.
 const MOST_CORNERS: u32 = 100;
 
@@ -88,6 +90,15 @@ impl CalibrationBoard {
     }
 }
 
+/// What a picture shows of the board.
+#[derive(Debug, Default)]
+pub struct SeenBoard {
+    /// In no order.
+    pub points: Vec<BoardPoint>,
+    /// What it shows in place of it.
+    pub note: Option<String>,
+}
+
 /// Finds a board's points in pictures.
 pub enum BoardFinder {
     /// Each tag is known by its number.
@@ -112,12 +123,12 @@ impl BoardFinder {
     }
 
     /// The points that a picture shows, in no order; none where it shows no board.
-    pub fn points(&mut self, gray: &Image<u8>) -> Result<Vec<BoardPoint>, CliError> {
+    pub fn points(&mut self, gray: &Image<u8>) -> Result<SeenBoard, CliError> {
         match self {
             Self::Tags(grid, detector) => {
                 let mut tags = Vec::new();
                 detector.detect(gray, None, &mut tags)?;
-                Ok(points_of_tags(&tags, grid))
+                Ok(SeenBoard { points: points_of_tags(&tags, grid), note: None })
             }
             Self::Chess(board, detector) => Ok(points_of_chess(gray, board, detector)),
         }
@@ -135,26 +146,33 @@ fn points_of_tags(tags: &[TagDetection], board: &AprilGrid) -> Vec<BoardPoint> {
 }
 
 /// Corners of squares. Which corner of the board is the first is not known, and of no matter: each view has its own place of the
-/// board. A grid that is larger than the board is another one.
-fn points_of_chess(gray: &Image<u8>, board: &ChessBoard, detector: &ChessboardDetector) -> Vec<BoardPoint> {
+/// board. Of a grid that is larger than the board the part with most corners counts, where next to nothing lies outside; else it
+/// is another board.
+fn points_of_chess(gray: &Image<u8>, board: &ChessBoard, detector: &ChessboardDetector) -> SeenBoard {
     let view = GrayImageView { width: gray.width(), height: gray.height(), data: gray.pixels() };
     let frame = detect_corner_frame(&view, &default_chess_config());
-    let Some(found) = detector.detect(&frame.corners) else { return Vec::new() };
+    let Some(found) = detector.detect(&frame.corners) else { return SeenBoard::default() };
     let places: Vec<[i64; 2]> =
         found.corners.iter().map(|c| [i64::from(c.grid.u), i64::from(c.grid.v)]).collect();
-    let side = |k: usize| {
-        let (least, most) = places.iter().fold((i64::MAX, i64::MIN), |(l, m), p| (l.min(p[k]), m.max(p[k])));
-        most.saturating_sub(least) + 1
+    let Some(inside) = part_of_board(&places, board) else {
+        let side = |k: usize| places.iter().map(|p| p[k]).max().unwrap_or(0) + 1;
+        let note = format!(
+            "shows a grid of {} x {} corners, {} x {} were named",
+            side(0),
+            side(1),
+            board.columns,
+            board.rows
+        );
+        return SeenBoard { points: Vec::new(), note: Some(note) };
     };
-    let (long, short) = (side(0).max(side(1)), side(0).min(side(1)));
-    if long > i64::from(board.columns.max(board.rows)) || short > i64::from(board.columns.min(board.rows)) {
-        return Vec::new();
-    }
     // Theirs count from the middle of the first pixel.
     let pixels: Vec<DVec2> = (found.corners.iter())
         .map(|corner| DVec2::new(f64::from(corner.position.x), f64::from(corner.position.y)) + 0.5)
         .collect();
     let refined = |(k, &pixel): (usize, &DVec2)| {
+        if !inside(places[k]) {
+            return None;
+        }
         // No other corner may be near enough to count.
         let others = pixels.iter().enumerate().filter(|(other, _)| *other != k);
         let nearest = others.map(|(_, other)| other.distance(pixel)).fold(f64::INFINITY, f64::min);
@@ -164,12 +182,56 @@ fn points_of_chess(gray: &Image<u8>, board: &ChessBoard, detector: &ChessboardDe
             pixel,
         })
     };
-    pixels.iter().enumerate().filter_map(refined).collect()
+    SeenBoard { points: pixels.iter().enumerate().filter_map(refined).collect(), note: None }
+}
+
+/// Which places of a grid are the board's: a window of its size, upright or lying, that holds most of them. `None` where too many are
+/// outside of every such window.
+fn part_of_board(places: &[[i64; 2]], board: &ChessBoard) -> Option<impl Fn([i64; 2]) -> bool + use<>> {
+    let (columns, rows) = (i64::from(board.columns), i64::from(board.rows));
+    let most = |k: usize| places.iter().map(|p| p[k]).max().unwrap_or(0);
+    let mut best: Option<([i64; 2], [i64; 2], usize)> = None;
+    for size in [[columns, rows], [rows, columns]] {
+        for x in 0..=(most(0) + 1 - size[0]).clamp(0, i64::from(MOST_CORNERS)) {
+            for y in 0..=(most(1) + 1 - size[1]).clamp(0, i64::from(MOST_CORNERS)) {
+                let is_in =
+                    |p: &&[i64; 2]| (x..x + size[0]).contains(&p[0]) && (y..y + size[1]).contains(&p[1]);
+                let count = places.iter().filter(is_in).count();
+                if best.is_none_or(|(.., most)| count > most) {
+                    best = Some(([x, y], size, count));
+                }
+            }
+        }
+    }
+    let (start, size, count) = best?;
+    let is_board = (places.len() - count) * OUTSIDE < places.len();
+    let inside = move |p: [i64; 2]| (0..2).all(|k| (start[k]..start[k] + size[k]).contains(&p[k]));
+    is_board.then_some(inside)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_false_corner_beside_the_board_is_left_out_and_another_board_is_none() {
+        let board = ChessBoard { columns: 4, rows: 3, size_m: 0.025 };
+        let grid = |w: i64, h: i64| (0..w * h).map(move |i| [i % w, i / w]);
+        for lying in [false, true] {
+            let seen: Vec<[i64; 2]> = match lying {
+                false => grid(4, 6).filter(|p| p[1] < 3).map(|p| [p[0] + 1, p[1]]).collect(),
+                true => grid(3, 4).collect(),
+            };
+            let inside = part_of_board(&seen, &board).unwrap();
+            assert!(seen.iter().all(|p| inside(*p)));
+        }
+        let many = ChessBoard { columns: 9, rows: 6, size_m: 0.025 };
+        let one_more: Vec<[i64; 2]> = grid(9, 6).map(|p| [p[0] + 1, p[1]]).chain([[0, 2]]).collect();
+        let inside = part_of_board(&one_more, &many).unwrap();
+        assert_eq!(one_more.iter().filter(|p| inside(**p)).count(), 54);
+        assert!(part_of_board(&grid(9, 6).collect::<Vec<_>>(), &ChessBoard { columns: 8, ..many }).is_none());
+        assert!(part_of_board(&[], &many).is_some());
+    }
 
     #[test]
     fn boards_are_read_and_mistakes_say_what_is_allowed() {

@@ -22,7 +22,7 @@ pub struct CameraArguments {
     /// The board. apriltag: = a grid of tag36h11 tags as Kalibr lays it out, tag 0 at the lower left; side of a tag's black square
     /// in metres, gap as a share of it; border=2 for Kalibr's own prints, whose black border has two cells. chessboard:9x6,size=0.025 = squares with so many corners inside,
     /// side of a square in metres; a part of the board is enough.
-    #[arg(long, value_name = "apriltag:6x6,size=0.088,spacing=0.3")]
+    #[arg(long, value_name = "BOARD")]
     board: String,
     /// Solve for a fisheye (equidistant, k1 to k4) in place of k1 k2 p1 p2 k3.
     #[arg(long)]
@@ -40,12 +40,17 @@ pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
     let board = CalibrationBoard::parse(&a.board)?;
     need_folder_of(&a.out)?;
     refuse_existing(&a.out, a.force)?;
-    let (views, size) = views_of(&a.pictures, &board)?;
+    need_own_name(&a)?;
+    let BoardViews { views, size, notes } = views_of(&a.pictures, &board)?;
     let kind = match a.fisheye {
         true => DistortionKind::Equidistant,
         false => DistortionKind::RadialTangential,
     };
-    let found = calibrate(&views, size, kind).map_err(|e| CliError(format!("{}: {e}", a.board)))?;
+    let found = calibrate(&views, size, kind).map_err(|e| {
+        let seen = notes.iter().zip(&a.pictures).find_map(|(note, file)| Some((note.as_ref()?, file)));
+        let seen = seen.map_or(String::new(), |(note, file)| format!("; {}: {note}", file.display()));
+        CliError(format!("{}: {e}{seen}", a.board))
+    })?;
     let note = format!(
         "halflight calibrate camera: {} views, rms {:.3} px, fx +- {:.2} px, fy +- {:.2} px",
         found.views.len(),
@@ -62,13 +67,30 @@ pub fn run(a: CameraArguments, global: &GlobalOptions) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The points of the board in each picture, and the size of the pictures.
-type SeenBoards = (Vec<Vec<BoardPoint>>, (u32, u32));
+/// The calibration is no picture: `--force` must not replace one.
+fn need_own_name(a: &CameraArguments) -> Result<(), CliError> {
+    let is_yaml =
+        a.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("yml") || e.eq_ignore_ascii_case("yaml"));
+    if !is_yaml || a.out.is_dir() {
+        let why = "must be the name of a file that ends in .yml or .yaml";
+        return Err(CliError::on(format!("--out {}", a.out.display()), why));
+    }
+    Ok(())
+}
 
-fn views_of(files: &[PathBuf], board: &CalibrationBoard) -> Result<SeenBoards, CliError> {
+/// The points of the board in each picture.
+struct BoardViews {
+    views: Vec<Vec<BoardPoint>>,
+    /// Columns and rows of the pictures.
+    size: (u32, u32),
+    /// For each picture what was seen in place of the board.
+    notes: Vec<Option<String>>,
+}
+
+fn views_of(files: &[PathBuf], board: &CalibrationBoard) -> Result<BoardViews, CliError> {
     let mut finder = BoardFinder::new(board)?;
     let mut gray = Image::default();
-    let (mut views, mut size) = (Vec::new(), None);
+    let (mut views, mut notes, mut size) = (Vec::new(), Vec::new(), None);
     let bar = Bar::of_count(Some(files.len() as u64), "pictures");
     for file in files {
         let picture = pictures::load_rgb8(file)?;
@@ -79,11 +101,16 @@ fn views_of(files: &[PathBuf], board: &CalibrationBoard) -> Result<SeenBoards, C
             return Err(CliError::on(file.display(), why));
         }
         gray_of(&picture, &mut gray);
-        views.push(finder.points(&gray).map_err(|e| CliError::on(file.display(), e))?);
+        let seen = finder.points(&gray).map_err(|e| CliError::on(file.display(), e))?;
+        if let Some(note) = &seen.note {
+            tracing::warn!("{}: {note}", file.display());
+        }
+        views.push(seen.points);
+        notes.push(seen.note);
         bar.add_one();
     }
     let (width, height) = size.unwrap_or_default();
-    Ok((views, (width as u32, height as u32)))
+    Ok(BoardViews { views, size: (width as u32, height as u32), notes })
 }
 
 /// Pictures that show too little of the board.

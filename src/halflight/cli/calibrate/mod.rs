@@ -10,10 +10,11 @@ use super::{CliError, GlobalOptions};
 /// The long form of the verb's help.
 pub const LONG_ABOUT: &str = "\
 Measure a camera: its lens, its response, the delay of its exposure control.\n\n\
-camera: the lens, from pictures of a board of AprilTags. response: what light its 8-bit values mean, from its own \
+camera: the lens, from pictures of a chessboard or of a board of AprilTags. response: what light its 8-bit values mean, from its own \
 exposures, for camera.response. latency: how many frames later a written exposure is in force, how often writes are \
 altered, how far an exposure is from what it says.\n\n\
 Examples:\n\n\
+  halflight calibrate camera board-*.png --board chessboard:9x6,size=0.025 --out lens.yml\n\
   halflight calibrate camera board-*.png --board apriltag:6x6,size=0.088,spacing=0.3 --out lens.yml\n\
   halflight calibrate response v4l2:/dev/video0 --out response.json\n\
   halflight calibrate latency v4l2:/dev/video0 --frames 300";
@@ -36,7 +37,7 @@ impl CalibrateArguments {
 /// What is measured.
 #[derive(clap::Subcommand, Debug)]
 enum CalibrationVerb {
-    /// The lens, from pictures of a board of AprilTags.
+    /// The lens, from pictures of a chessboard or of a board of AprilTags.
     Camera(camera::CameraArguments),
     /// What light the camera's 8-bit values mean.
     Response(response::ResponseArguments),
