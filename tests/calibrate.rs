@@ -220,7 +220,7 @@ fn photographs_of_a_chessboard_give_the_lens_that_opencv_finds() {
     let folder = Folder::new("photographs");
     let (found, told) = lens_of(&files, "chessboard:9x6,size=0.025", &folder.at("lens.yml"));
     println!("{told} and theirs {theirs:?}");
-    assert!(told["rms_px"].as_f64().unwrap() < 0.3926, "{told}: OpenCV's own rms is 0.3926 px");
+    assert!(told["rms_px"].as_f64().unwrap() < 0.39, "{told}: OpenCV's own rms is 0.3926 px");
     // Where a pixel in the picture looks to, by both lenses.
     for x in [100.0, 320.0, 540.0] {
         for y in [80.0, 240.0, 400.0] {

@@ -381,11 +381,11 @@ pub fn run(arguments: RecordArguments, global: &GlobalOptions) -> Result<(), Cli
     }
 }
 
+/// A sensor and its wire log, as far as they were asked for.
+type SensorAndLog = (Option<Box<dyn ImuSource>>, Option<WireFile>);
+
 /// Opens the sensor that was asked for, with its wire log; `None` where none was.
-fn open_sensor(
-    a: &RecordArguments,
-    settings: &mut Settings,
-) -> Result<(Option<Box<dyn ImuSource>>, Option<WireFile>), CliError> {
+fn open_sensor(a: &RecordArguments, settings: &mut Settings) -> Result<SensorAndLog, CliError> {
     if let Some(name) = &a.imu {
         settings.imu.clone_from(name);
     }

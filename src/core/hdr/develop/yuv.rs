@@ -98,7 +98,7 @@ const WHOLE_NUMBERS: f32 = 8_388_608.0;
 /// As `(value + 0.5) as u8`, for numbers; that is not done on many at a time.
 #[inline(always)]
 fn rounded(value: f32) -> u8 {
-    ((value + 0.5).max(0.0).min(255.0).floor() + WHOLE_NUMBERS).to_bits() as u8
+    ((value + 0.5).clamp(0.0, 255.0).floor() + WHOLE_NUMBERS).to_bits() as u8
 }
 
 #[cfg(test)]

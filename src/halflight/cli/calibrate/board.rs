@@ -102,7 +102,7 @@ pub struct SeenBoard {
 /// Finds a board's points in pictures.
 pub enum BoardFinder {
     /// Each tag is known by its number.
-    Tags(AprilGrid, TagDetector),
+    Tags(AprilGrid, Box<TagDetector>),
     /// Corners are told apart by their neighbours alone.
     Chess(ChessBoard, ChessboardDetector),
 }
@@ -113,7 +113,7 @@ impl BoardFinder {
         Ok(match board {
             CalibrationBoard::Tags(grid, border_cells) => {
                 let options = TagOptions { border_cells: *border_cells, ..TagOptions::thorough() };
-                Self::Tags(*grid, TagDetector::new(options)?)
+                Self::Tags(*grid, Box::new(TagDetector::new(options)?))
             }
             CalibrationBoard::Chess(board) => {
                 let detector = ChessboardDetector::new(ChessboardParams::default());
