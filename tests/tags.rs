@@ -71,10 +71,17 @@ fn corner_distance(a: &[DVec2; 4], b: &[DVec2; 4]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// How far four corners are from a parallelogram, pixels.
+fn askew_px(corners_px: &[DVec2; 4]) -> f64 {
+    let [a, b, c, d] = *corners_px;
+    (a - b + c - d).length()
+}
+
 #[test]
 fn three_photographs_show_12_22_and_10_tags() {
     let Some(shared) = support::shared("three_photographs") else { return };
     let mut worst = 0.0f64;
+    let (mut ours, mut library_s) = (Vec::new(), Vec::new());
     for (name, count) in
         [("33369213973_9d9bb4cc96_c", 12), ("34085369442_304b6bafd9_c", 22), ("34139872896_defdb2f8d9_c", 10)]
     {
@@ -86,24 +93,26 @@ fn three_photographs_show_12_22_and_10_tags() {
         for tag in &tags {
             let nearest =
                 truth.iter().map(|c| corner_distance(&tag.corners_px, c)).fold(f64::INFINITY, f64::min);
-            // The truth is the library's own, as encoded; in linear light edges lie up to 0.3 px further out.
-            if nearest > 0.7 {
-                println!(
-                    "{name}: tag {} is {nearest:.2} px from the library's, sigma {:.3}",
-                    tag.id, tag.corner_sigma_px
-                );
-            }
             worst = worst.max(nearest);
+            ours.push(askew_px(&tag.corners_px));
         }
         let plain = detect(TagOptions { refine: false, ..TagOptions::thorough() }, &picture);
         for tag in &plain {
             let nearest =
                 truth.iter().map(|c| corner_distance(&tag.corners_px, c)).fold(f64::INFINITY, f64::min);
             assert!(nearest < 0.35, "{name}: tag at {:.1} is {nearest:.2} px off", tag.middle_px());
+            library_s.push(askew_px(&tag.corners_px));
         }
     }
-    // 0.31 px without the refinement. The 1.33 px (0.94 before) are of a tag of 30 px, which is fitted whole with its blur now. The
-    // library's corners are no truth: which of both is nearer on a photograph is not known.
+    // The library's corners are those of the border of what is dark: on drawn tags of 30 px they lie 0.24 px inside, give or take 0.12.
+    // Ours are nearer to the tags that are seen: squares so small are nearly parallelograms.
+    let median = |all: &mut Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2]
+    };
+    let (ours, library_s) = (median(&mut ours), median(&mut library_s));
+    println!("askew by {ours:.2} px, the library's by {library_s:.2} px (medians)");
+    assert!(ours < 0.45 && ours < 0.6 * library_s, "{ours} {library_s}");
     support::wanted::hold("tags.photographs.corners", worst);
 }
 

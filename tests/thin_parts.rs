@@ -273,7 +273,7 @@ fn rod(dice: &mut Dice, bend: Bend, tapers: bool, slender: f32) -> Mesh {
 }
 
 /// Rods whose length is 84 to 250 times their radius (shorter ones are left to spheres): 12 of them, with
-/// HALFLIGHT_ALL_RODS=1 204.
+/// HALFLIGHT_ALL_RODS=1 204. Of those 2 are more than 10 % off, 0.112 at worst; 0.023 in the median.
 #[test]
 fn rods_of_any_shape_take_what_they_should() {
     let count = if std::env::var_os("HALFLIGHT_ALL_RODS").is_some() { 204 } else { 12 };

@@ -83,7 +83,7 @@ impl FoundResponse {
 pub enum CameraResponse {
     /// Somebody has said it.
     Stated(Box<Response>),
-    /// It is to be found where exposures can be written; sRGB until then.
+    /// It is to be found where exposures can be chosen; sRGB until then.
     ToFind(FoundResponse),
 }
 

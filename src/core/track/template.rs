@@ -30,7 +30,7 @@ impl Cells {
         self.0 ^= 1 << (column + 8 * row);
     }
 
-    /// Whether a column and a row of cells are white, the rim being 1 and 10, and what lies beyond 0 and 11 (white, too).
+    /// Returns whether a column and a row of cells are white, the rim being 1 and 10, and what lies beyond 0 and 11 (white, too).
     fn is_light(self, column: usize, row: usize) -> bool {
         let inner = 2..10;
         !(inner.contains(&column) && inner.contains(&row)) || self.is_white(column - 2, row - 2)

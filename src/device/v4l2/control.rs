@@ -14,6 +14,8 @@ pub mod id {
     pub const AUTO_WHITE_BALANCE: u32 = USER + 12;
     /// Gain that follows the picture.
     pub const AUTO_GAIN: u32 = USER + 18;
+    /// How much the camera sharpens, in the driver's own numbers.
+    pub const SHARPNESS: u32 = USER + 27;
     /// Gain, in the driver's own numbers.
     pub const GAIN: u32 = USER + 19;
     /// Who chooses the exposure: 0 the camera, 1 nobody, 3 the camera at a fixed opening.
@@ -35,7 +37,7 @@ pub mod id {
     /// Pixels of a sensor in a second; of 64 bits.
     pub const PIXEL_RATE: u32 = 0x009f_0902;
     /// All that is listed for people.
-    pub const LISTED: [u32; 10] = [
+    pub const LISTED: [u32; 11] = [
         AUTO_EXPOSURE,
         EXPOSURE,
         LINES,
@@ -46,6 +48,7 @@ pub mod id {
         ANALOGUE_GAIN,
         AUTO_WHITE_BALANCE,
         AUTO_FOCUS,
+        SHARPNESS,
     ];
 }
 
@@ -87,7 +90,7 @@ pub struct ManualExposure {
 }
 
 impl ManualExposure {
-    /// Switches off all that is automatic. The node's own controls come first, then those of the sensor behind it. `size`: of the node's pictures; a
+    /// Switches off all that is automatic, and sharpening. The node's own controls come first, then those of the sensor behind it. `size`: of the node's pictures; a
     /// sensor of lines is set to this rate. `None`: there is no control of the exposure time; nothing was changed.
     pub fn take<N: VideoNode>(node: &N, size: [u32; 2], frames_per_s: f64) -> Option<Self> {
         if let Some((exposure, unit_s)) = time_of(node, size) {
@@ -116,6 +119,10 @@ impl ManualExposure {
             (id::MAY_SLOW_DOWN, 0),
         ] {
             taken.change(node, id, off);
+        }
+        // What is sharpened has its edges elsewhere: corners of tags move by tenths of a pixel.
+        if let Some(sharpness) = taken.door(node).control_facts(id::SHARPNESS) {
+            taken.change(node, id::SHARPNESS, sharpness.least);
         }
         taken.take_gain(node);
         taken.take_rate(node, size, frames_per_s);

@@ -48,6 +48,7 @@ impl FakeNode {
         node.add(id::EXPOSURE, ControlKind::Number, [1, 5000, 1], 157);
         node.add(id::GAIN, ControlKind::Number, [0, 255, 1], 16);
         node.add(id::AUTO_WHITE_BALANCE, ControlKind::Switch, [0, 1, 1], 1);
+        node.add(id::SHARPNESS, ControlKind::Number, [0, 6, 1], 3);
         node
     }
 
@@ -243,13 +244,15 @@ fn a_camera_that_is_pulled_out_is_to_be_opened_again() {
     assert!(error.to_string().contains("v4l2:fake"));
 }
 
+const TAKEN: [u32; 5] = [id::AUTO_EXPOSURE, id::EXPOSURE, id::GAIN, id::AUTO_WHITE_BALANCE, id::SHARPNESS];
+
 #[test]
 fn controls_are_taken_and_put_back_as_they_were() {
     let node = FakeNode::new([]);
-    let before: Vec<i32> =
-        [id::AUTO_EXPOSURE, id::EXPOSURE, id::GAIN, id::AUTO_WHITE_BALANCE].map(|id| node.value(id)).to_vec();
+    let before: Vec<i32> = TAKEN.map(|id| node.value(id)).to_vec();
     let mut camera = started(&node);
-    assert_eq!((node.value(id::AUTO_EXPOSURE), node.value(id::AUTO_WHITE_BALANCE)), (1, 0));
+    let now = [id::AUTO_EXPOSURE, id::AUTO_WHITE_BALANCE, id::SHARPNESS].map(|id| node.value(id));
+    assert_eq!(now, [1, 0, 0]);
     // In steps of 100 us, within the camera's limits.
     let taken = camera.write_exposure(Exposure { time_s: 0.012_34, gain: 2.0 }).unwrap();
     assert!((taken.time_s - 0.0123).abs() < 1e-12 && (taken.gain - 2.0).abs() < 1e-12);
@@ -260,8 +263,7 @@ fn controls_are_taken_and_put_back_as_they_were() {
     assert!(is_running());
     drop(camera);
     assert!(!is_running());
-    let after: Vec<i32> =
-        [id::AUTO_EXPOSURE, id::EXPOSURE, id::GAIN, id::AUTO_WHITE_BALANCE].map(|id| node.value(id)).to_vec();
+    let after: Vec<i32> = TAKEN.map(|id| node.value(id)).to_vec();
     assert_eq!(after, before);
 }
 

@@ -27,15 +27,15 @@ impl CaptureStep {
     }
 }
 
-/// What the frames of an opened source go through.
-pub fn steps_of(prepared: &Prepared) -> Vec<CaptureStep> {
+/// What a frame of an opened source goes through; `is_first`: no frame comes before it.
+pub fn steps_of(prepared: &Prepared, is_first: bool) -> Vec<CaptureStep> {
     let distortion = prepared.source.rig().map(|rig| rig.lens.distortion);
     let format = prepared.source.pixel_format();
     vec![
         conversion(format),
         demosaic(format),
         undistortion(distortion),
-        warp(prepared.cycle.len()),
+        warp(prepared.cycle.len(), is_first),
         integration(prepared.imu.is_some()),
     ]
 }
@@ -80,20 +80,23 @@ fn undistortion(distortion: Option<Distortion>) -> CaptureStep {
     CaptureStep { name: "undistort", is_on: false, reason: reason.to_owned() }
 }
 
-fn warp(exposures: usize) -> CaptureStep {
+fn warp(exposures: usize, is_first: bool) -> CaptureStep {
     let reason = match exposures {
+        _ if is_first => "no frame comes before it".to_owned(),
         0 | 1 => "one exposure: there is nothing to bring together".to_owned(),
         n => format!(
             "{n} exposures in turn: each older one is brought into the newest frame's view before the merge"
         ),
     };
-    CaptureStep { name: "warp of older", is_on: exposures > 1, reason }
+    CaptureStep { name: "warp of older", is_on: exposures > 1 && !is_first, reason }
 }
 
 fn integration(has_imu: bool) -> CaptureStep {
     let reason = match has_imu {
-        true => "the gyroscope carries the pose from tag to tag and to the moment of display",
-        false => "no inertial sensor: between tags the pose is held",
+        true => "the gyroscope turns the pose where no tag is found, for 1 s at most; then it is held",
+        false => {
+            "no inertial sensor: where no tag is found the last motion goes on for 0.25 s; then the pose is held"
+        }
     };
     CaptureStep { name: "IMU integration", is_on: has_imu, reason: reason.to_owned() }
 }
@@ -119,8 +122,8 @@ mod tests {
     }
 
     #[test]
-    fn one_exposure_is_not_warped() {
-        assert!(!warp(1).is_on && warp(3).is_on);
-        assert!(warp(3).reason.starts_with("3 exposures"));
+    fn one_exposure_and_a_first_frame_are_not_warped() {
+        assert!(!warp(1, false).is_on && warp(3, false).is_on && !warp(3, true).is_on);
+        assert!(warp(3, false).reason.starts_with("3 exposures"));
     }
 }

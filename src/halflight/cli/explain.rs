@@ -120,7 +120,7 @@ fn of_recording(arguments: &ExplainArguments, mut settings: Settings) -> Result<
         settings.scene_file = path_text::to_text(scene);
     }
     let prepared = prepare(&settings, &host())?;
-    let capture = steps_of(&prepared);
+    let capture = steps_of(&prepared, arguments.frame == Some(0));
     let total = prepared.source.frames_left().map(|n| arguments.frame.map_or(n, |frame| n.min(frame + 1)));
     let mut last =
         LastShown { shown: None, times: PassTimes::default(), bar: Bar::of_count(total, "frames") };

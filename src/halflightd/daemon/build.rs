@@ -43,7 +43,7 @@ fn main() {
     println!("cargo:rustc-env=HALFLIGHT_BUILT_FROM={commit}");
 }
 
-/// Whether an empty program links with an argument, as the daemon will be linked.
+/// Returns whether an empty program links with an argument, as the daemon will be linked.
 fn links_with(argument: &str) -> bool {
     let var = |name: &str| std::env::var(name).unwrap_or_default();
     let (source, program) = (format!("{}/empty.rs", var("OUT_DIR")), format!("{}/empty", var("OUT_DIR")));

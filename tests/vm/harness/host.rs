@@ -84,7 +84,7 @@ impl Host {
     }
 
     /// How far the first pictures of two shared recordings differ in the mean, 8-bit values, in their lowest fifth: the kernel's
-    /// test camera writes text above.
+    /// test camera writes text above. Where the other is gray, the gray of the first counts (ITU-R BT.709, as that camera has it).
     pub fn alike(&self, one: &str, other: &str) -> Answer {
         let first = |file: &str| -> Result<_, String> {
             let options =
@@ -97,10 +97,15 @@ impl Host {
             return Err(format!("{}x{} and {}x{}", one.width(), one.height(), other.width(), other.height()));
         }
         let lowest = one.height() - one.height() / 5;
-        let from = 3 * one.width() * lowest;
-        let [one, other] = [&one, &other].map(|picture| &picture.pixels().as_flattened()[from..]);
-        let sum: u64 = one.iter().zip(other).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-        Ok(format!("{}", sum / one.len().max(1) as u64))
+        let [one, other] = [&one, &other].map(|picture| &picture.pixels()[picture.width() * lowest..]);
+        let is_gray = other.iter().all(|[r, g, b]| r == g && g == b);
+        let gray = |[r, g, b]: [u8; 3]| {
+            [(0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)).round() as u8; 3]
+        };
+        let seen = one.iter().map(|pixel| if is_gray { gray(*pixel) } else { *pixel });
+        let differences =
+            seen.zip(other).flat_map(|(a, b)| (0..3).map(move |c| u64::from(a[c].abs_diff(b[c]))));
+        Ok(format!("{}", differences.sum::<u64>() / (3 * one.len()).max(1) as u64))
     }
 
     /// Holds the inertial samples of a recording against what the sensor on the serial line sent: each follows the one before.

@@ -1,4 +1,4 @@
-//! FitSums of one step of Gauss and Newton, and what follows from them.
+//! Sums of one step of Gauss and Newton, and what follows from them.
 
 use super::super::{normal, tag_pose::homography_from_square, template::MASKS};
 use crate::math::solve::solve_positive;
