@@ -219,7 +219,7 @@ struct Side {
     reach: f64,
 }
 
-/// Collects where rows (or columns) cross a side. How many of them are saturated; `None` where fewer than half show a step.
+/// Collects where rows (or columns) cross a side. Returns how many of them are saturated; `None` where fewer than half show a step.
 fn gather(
     gray: &Image<u8>,
     linear_of_value: &[f32; 256],
